@@ -1,0 +1,181 @@
+//! Levenberg-Marquardt with Nielsen's damping, on normal equations of a few unknowns.
+
+/// A sum of squares of a few unknowns.
+pub trait LeastSquares {
+    /// Half the sum of squares at `x`.
+    fn cost(&mut self, x: &[f64]) -> f64;
+    /// Gradient and (row-major, full) Gauss-Newton Hessian at the last `x` that `cost` was asked for.
+    fn linearise(&mut self, hessian: &mut [f64], gradient: &mut [f64]);
+    /// Moves `x` into the allowed range.
+    fn project(&self, x: &mut [f64]);
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Stop {
+    pub max_iterations: usize,
+    /// Relative decrease of the cost, actual and predicted.
+    pub cost: f64,
+    /// A cost at or below which the data are met to rounding.
+    pub zero: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Minimum {
+    pub cost: f64,
+    pub iterations: usize,
+    pub converged: bool,
+}
+
+/// Steps rejected in a row before the damping is taken to mean that no descent is left.
+const MAX_REJECTED: usize = 40;
+
+/// Minimises `problem` from `x`, which becomes the minimum; the cost never rises.
+pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> Minimum {
+    let p = x.len();
+    let mut hessian = vec![0.0; p * p];
+    let mut gradient = vec![0.0; p];
+    let mut factor = vec![0.0; p * p];
+    let mut step = vec![0.0; p];
+    let mut trial = vec![0.0; p];
+
+    problem.project(x);
+    let mut cost = problem.cost(x);
+    problem.linearise(&mut hessian, &mut gradient);
+    let (mut damping, mut growth) = (1e-3, 2.0);
+    let mut rejected = 0;
+    for iteration in 0..stop.max_iterations {
+        if cost <= stop.zero {
+            return Minimum { cost, iterations: iteration, converged: true };
+        }
+        if !solve_damped(&hessian, &gradient, damping, &mut factor, &mut step) {
+            damping *= growth;
+            growth *= 2.0;
+            rejected += 1;
+            if rejected > MAX_REJECTED {
+                return Minimum { cost, iterations: iteration, converged: false };
+            }
+            continue;
+        }
+        for ((trial, &x), &step) in trial.iter_mut().zip(x.iter()).zip(&step) {
+            *trial = x - step;
+        }
+        problem.project(&mut trial);
+
+        // Decrease of the quadratic model: (step . gradient + damping |step|_D^2) / 2
+        let predicted: f64 = (0..p)
+            .map(|i| 0.5 * step[i] * (gradient[i] + damping * scale(hessian[i * p + i]) * step[i]))
+            .sum();
+        let new_cost = problem.cost(&trial);
+        let actual = cost - new_cost;
+        if actual > 0.0 && new_cost.is_finite() {
+            x.copy_from_slice(&trial);
+            let small = actual <= stop.cost * cost && predicted <= stop.cost * cost;
+            cost = new_cost;
+            if small {
+                return Minimum { cost, iterations: iteration + 1, converged: true };
+            }
+            problem.linearise(&mut hessian, &mut gradient);
+            let ratio = actual / predicted;
+            damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(0.1, 2.0);
+            growth = 2.0;
+            rejected = 0;
+        } else {
+            if predicted <= stop.cost * cost * 1e-3 || rejected > MAX_REJECTED {
+                return Minimum { cost, iterations: iteration + 1, converged: true };
+            }
+            damping *= growth;
+            growth *= 2.0;
+            rejected += 1;
+        }
+    }
+    Minimum { cost, iterations: stop.max_iterations, converged: false }
+}
+
+/// Marquardt's scaling of an unknown; an unknown without effect keeps a little damping.
+fn scale(diagonal: f64) -> f64 {
+    diagonal.max(1e-30)
+}
+
+/// Solves `(H + damping D) step = gradient` by Cholesky; false if not positive definite.
+fn solve_damped(hessian: &[f64], gradient: &[f64], damping: f64, l: &mut [f64], step: &mut [f64]) -> bool {
+    let p = gradient.len();
+    for i in 0..p {
+        for j in 0..=i {
+            let mut sum = hessian[i * p + j];
+            if i == j {
+                sum += damping * scale(sum);
+            }
+            for k in 0..j {
+                sum -= l[i * p + k] * l[j * p + k];
+            }
+            if i == j {
+                if !(sum > 0.0) {
+                    return false;
+                }
+                l[i * p + i] = sum.sqrt();
+            } else {
+                l[i * p + j] = sum / l[j * p + j];
+            }
+        }
+    }
+    for i in 0..p {
+        let sum: f64 = (0..i).map(|k| l[i * p + k] * step[k]).sum();
+        step[i] = (gradient[i] - sum) / l[i * p + i];
+    }
+    for i in (0..p).rev() {
+        let sum: f64 = (i + 1..p).map(|k| l[k * p + i] * step[k]).sum();
+        step[i] = (step[i] - sum) / l[i * p + i];
+    }
+    step.iter().all(|s| s.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Rosenbrock {
+        at: [f64; 2],
+    }
+
+    impl Rosenbrock {
+        fn residual(&self) -> [f64; 2] {
+            let [x, y] = self.at;
+            [10.0 * (y - x * x), 1.0 - x]
+        }
+    }
+
+    impl LeastSquares for Rosenbrock {
+        fn cost(&mut self, x: &[f64]) -> f64 {
+            self.at = [x[0], x[1]];
+            self.residual().iter().map(|r| 0.5 * r * r).sum()
+        }
+        fn linearise(&mut self, h: &mut [f64], g: &mut [f64]) {
+            let r = self.residual();
+            let j = [[-20.0 * self.at[0], 10.0], [-1.0, 0.0]];
+            for a in 0..2 {
+                g[a] = j[0][a] * r[0] + j[1][a] * r[1];
+                for b in 0..2 {
+                    h[a * 2 + b] = j[0][a] * j[0][b] + j[1][a] * j[1][b];
+                }
+            }
+        }
+        fn project(&self, _: &mut [f64]) {}
+    }
+
+    #[test]
+    fn finds_the_minimum_of_rosenbrock() {
+        let mut x = [-1.2, 1.0];
+        let stop = Stop { max_iterations: 200, cost: 1e-15, zero: 1e-30 };
+        let minimum = minimise(&mut Rosenbrock::default(), &mut x, stop);
+        assert!(minimum.converged);
+        assert!((x[0] - 1.0).abs() < 1e-10 && (x[1] - 1.0).abs() < 1e-10, "{x:?}");
+    }
+
+    #[test]
+    fn says_when_it_ran_out_of_steps() {
+        let stop = Stop { max_iterations: 2, cost: 1e-15, zero: 0.0 };
+        assert!(!minimise(&mut Rosenbrock::default(), &mut [-1.2, 1.0], stop).converged);
+    }
+}

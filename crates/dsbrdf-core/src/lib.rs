@@ -1,0 +1,15 @@
+//! Collapse of measured BRDF tables, and the fit of mixtures of hemi-EPD lobes to their slices.
+#![allow(clippy::needless_range_loop)]
+
+pub mod assignment;
+pub mod em;
+pub mod eval;
+pub mod exp;
+pub mod fit;
+pub mod isotonic;
+pub mod levenberg_marquardt;
+pub mod lobe;
+pub mod mixture;
+pub mod profile;
+pub mod slice;
+pub mod start;

@@ -1,0 +1,57 @@
+//! Values of a model at pairs of directions.
+
+use dsbrdf_core::eval::Model;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::arrays::{elements, shaped};
+
+/// Values (direction, channel) of a model with parameters (theta_d, channel, lobe) at `wi` and `wo` (direction, xyz).
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn eval<'py>(
+    py: Python<'py>,
+    wi: PyReadonlyArrayDyn<'py, f64>,
+    wo: PyReadonlyArrayDyn<'py, f64>,
+    theta_d: PyReadonlyArrayDyn<'py, f64>,
+    kappa: PyReadonlyArrayDyn<'py, f64>,
+    gamma: PyReadonlyArrayDyn<'py, f64>,
+    beta: PyReadonlyArrayDyn<'py, f64>,
+    azimuthal_width: f64,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let &[n_d, n_channels, n_lobes] = kappa.shape() else {
+        let got = kappa.shape();
+        return Err(PyValueError::new_err(format!(
+            "'kappa' must have shape (theta_d, channel, lobe), got {got:?}."
+        )));
+    };
+    let theta_d = shaped(&theta_d, &[n_d], "theta_d")?;
+    if n_d == 0 {
+        return Err(PyValueError::new_err("'theta_d' must hold at least one slice."));
+    }
+    let shape = [n_d, n_channels, n_lobes];
+    let model = Model {
+        theta_d,
+        n_channels,
+        n_lobes,
+        kappa: elements(&kappa, "kappa")?,
+        gamma: shaped(&gamma, &shape, "gamma")?,
+        beta: shaped(&beta, &shape, "beta")?,
+        azimuthal_width,
+    };
+    let wi = elements(&wi, "wi")?;
+    let wo = elements(&wo, "wo")?;
+    if wi.len() != wo.len() || wi.len() % 3 != 0 {
+        let (got_i, got_o) = (wi.len(), wo.len());
+        return Err(PyValueError::new_err(format!(
+            "'wi' and 'wo' must hold the same number of directions, got {got_i} and {got_o} numbers."
+        )));
+    }
+    let n = wi.len() / 3;
+    let mut values = vec![0.0; n * n_channels];
+    if n_channels > 0 {
+        py.detach(|| model.eval(wi, wo, &mut values));
+    }
+    PyArray1::from_vec(py, values).reshape([n, n_channels].as_slice())
+}

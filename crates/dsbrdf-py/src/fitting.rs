@@ -1,0 +1,98 @@
+//! The fit of all slices of a BRDF, and the EM of one slice.
+
+use dsbrdf_core::em::{expectation_maximisation, halved_start};
+use dsbrdf_core::fit::{Method, Plan, SliceFit, fit as fit_slices, slices};
+use dsbrdf_core::lobe::Lobe;
+use dsbrdf_core::profile::MOMENTS;
+use dsbrdf_core::slice::{Loss, Slice};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{elements, shaped};
+
+/// Fits moments (theta_d, channel, theta_h, moment) at `ln_cos` (theta_d, theta_h); a dict of arrays.
+#[pyfunction]
+#[pyo3(signature = (moments, ln_cos, factor, *, n_lobes, method, azimuthal, follow, log_offset))]
+#[allow(clippy::too_many_arguments)]
+pub fn fit<'py>(
+    py: Python<'py>,
+    moments: PyReadonlyArrayDyn<'py, f64>,
+    ln_cos: PyReadonlyArrayDyn<'py, f64>,
+    factor: PyReadonlyArrayDyn<'py, f64>,
+    n_lobes: usize,
+    method: &str,
+    azimuthal: bool,
+    follow: bool,
+    log_offset: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let &[n_d, n_channels, n_h, MOMENTS] = moments.shape() else {
+        let got = moments.shape();
+        return Err(PyValueError::new_err(format!(
+            "'moments' must have shape (theta_d, channel, theta_h, {MOMENTS}), got {got:?}."
+        )));
+    };
+    let method = match method {
+        "em" => Method::Em,
+        "joint" => Method::Joint,
+        other => {
+            return Err(PyValueError::new_err(format!("'method' must be 'em' or 'joint', got '{other}'.")));
+        }
+    };
+    let moments = elements(&moments, "moments")?;
+    let ln_cos = shaped(&ln_cos, &[n_d, n_h], "ln_cos")?;
+    let factor = shaped(&factor, &[n_d, n_h], "factor")?;
+    let plan = Plan { n_lobes, method, azimuthal, follow };
+    let fits = py.detach(|| {
+        let build = |loss| slices(moments, ln_cos, factor, [n_d, n_channels, n_h], loss);
+        let l2 = build(Loss::L2);
+        match log_offset {
+            None => fit_slices(&l2, &l2, n_channels, plan),
+            Some(offset) => fit_slices(&build(Loss::Log { offset }), &l2, n_channels, plan),
+        }
+    });
+
+    let shape = [n_d, n_channels, n_lobes];
+    let result = PyDict::new(py);
+    result.set_item("kappa", lobes(py, &fits, shape, |l| l.kappa)?)?;
+    result.set_item("gamma", lobes(py, &fits, shape, |l| l.gamma)?)?;
+    result.set_item("beta", lobes(py, &fits, shape, |l| l.beta)?)?;
+    result.set_item("objective", fits.iter().map(|f| f.objective).collect::<Vec<_>>())?;
+    result.set_item("iterations", fits.iter().map(|f| f.iterations).collect::<Vec<_>>())?;
+    result.set_item("status", fits.iter().map(|f| f.status as u8).collect::<Vec<_>>())?;
+    result.set_item("em_history", fits.iter().map(|f| f.em_history.clone()).collect::<Vec<_>>())?;
+    Ok(result)
+}
+
+fn lobes<'py>(
+    py: Python<'py>,
+    fits: &[SliceFit],
+    shape: [usize; 3],
+    part: impl Fn(&Lobe) -> f64,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let values = fits.iter().flat_map(|fit| &fit.lobes).map(part).collect();
+    PyArray1::from_vec(py, values).reshape(shape.as_slice())
+}
+
+/// The EM of one slice with moments (theta_h, moment), from (kappa, gamma) lobes or the paper's start.
+#[pyfunction]
+#[pyo3(signature = (moments, ln_cos, n_lobes, *, max_rounds, tolerance, start=None))]
+pub fn em(
+    moments: PyReadonlyArrayDyn<'_, f64>,
+    ln_cos: PyReadonlyArrayDyn<'_, f64>,
+    n_lobes: usize,
+    max_rounds: usize,
+    tolerance: f64,
+    start: Option<Vec<(f64, f64)>>,
+) -> PyResult<(Vec<(f64, f64)>, Vec<f64>, bool)> {
+    let ln_cos = elements(&ln_cos, "ln_cos")?;
+    let moments = shaped(&moments, &[ln_cos.len(), MOMENTS], "moments")?;
+    let slice = Slice::new(moments, ln_cos, &vec![0.0; ln_cos.len()], Loss::L2);
+    let start = match start {
+        None => halved_start(&slice, n_lobes),
+        Some(lobes) => lobes.into_iter().map(|(kappa, gamma)| Lobe { kappa, gamma, beta: 0.0 }).collect(),
+    };
+    let fit = expectation_maximisation(&slice, start, max_rounds, tolerance);
+    Ok((fit.lobes.iter().map(|l| (l.kappa, l.gamma)).collect(), fit.history, fit.converged))
+}

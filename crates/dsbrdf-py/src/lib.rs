@@ -1,0 +1,18 @@
+//! Python binding of `dsbrdf-core`: registrations only.
+
+mod arrays;
+mod evaluation;
+mod fitting;
+mod profiles;
+
+use pyo3::prelude::*;
+
+#[pymodule(gil_used = false)]
+mod _core {
+    #[pymodule_export]
+    use crate::evaluation::eval;
+    #[pymodule_export]
+    use crate::fitting::{em, fit};
+    #[pymodule_export]
+    use crate::profiles::{collapse, decreasing};
+}

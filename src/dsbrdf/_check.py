@@ -1,0 +1,91 @@
+"""Checks of arguments; the owner of the texts of argument errors.
+
+Each message says which argument, what is required, what came and where, and what to do about it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["angle", "finite", "unit_vectors"]
+
+UNIT_TOLERANCE = 1e-4
+
+
+def _first(bad: NDArray[np.bool_]) -> str:
+    """Index of the first offender as text, empty for a scalar."""
+    if bad.ndim == 0:
+        return ""
+    index = tuple(int(i) for i in np.argwhere(bad)[0])
+    return f" at index {index[0] if len(index) == 1 else index}"
+
+
+def finite(
+    value: ArrayLike, name: str, *, low: float = -np.inf, high: float = np.inf, open_low: bool = False
+) -> NDArray[np.float64]:
+    """Return `value` as float64, all finite and within [`low`, `high`] (or above `low`).
+
+    Raises
+    ------
+    ValueError
+        If an entry is outside the range or not finite; names the first offender.
+    """
+    array = np.asarray(value, dtype=np.float64)
+    bad = ~np.isfinite(array) | (array < low) | (array > high)
+    if open_low:
+        bad |= array <= low
+    if bad.any():
+        limits = []
+        if low > -np.inf:
+            limits.append(f"{'>' if open_low else '>='} {low:g}")
+        if high < np.inf:
+            limits.append(f"<= {high:g}")
+        need = " and ".join([*limits, "finite"])
+        got = array[bad][0] if array.ndim else array[()]
+        raise ValueError(f"'{name}' must be {need}, got {got:g}{_first(bad)}.")
+    return array
+
+
+def angle(value: ArrayLike, name: str, *, high: float = np.pi / 2) -> NDArray[np.float64]:
+    """Return `value` as float64 radians in [0, `high`]; a rounding error beyond either end is clipped.
+
+    Raises
+    ------
+    ValueError
+        If an entry is outside; asks whether degrees were meant.
+    """
+    array = np.asarray(value, dtype=np.float64)
+    slack = 1e-9
+    bad = ~((array >= -slack) & (array <= high + slack))
+    if bad.any():
+        upper = "pi/2" if high == np.pi / 2 else f"{high:g}"
+        got = array[bad][0] if array.ndim else array[()]
+        raise ValueError(
+            f"'{name}' must lie in [0, {upper}] radians, got {got:g}{_first(bad)}. Degrees? Use numpy.deg2rad."
+        )
+    return np.clip(array, 0.0, high)
+
+
+def unit_vectors(value: Any, name: str) -> NDArray[np.float64]:
+    """Return `value` as float64 with unit vectors on the last axis, as given (not renormalised).
+
+    Raises
+    ------
+    ValueError
+        If the last axis is not of length 3, or a vector's norm differs from 1 by more than 1e-4.
+    """
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(f"'{name}' must have x, y, z on its last axis, got shape {array.shape}.")
+    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
+    bad = ~(np.abs(norm - 1.0) <= UNIT_TOLERANCE)
+    if bad.any():
+        got = norm[bad][0] if norm.ndim else norm[()]
+        raise ValueError(
+            f"'{name}' must be unit vectors on the last axis, got norm {got:.6g}{_first(bad)}. "
+            f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
+        )
+    return array

@@ -1,0 +1,51 @@
+"""Signatures of the compiled kernel; see crates/dsbrdf-py."""
+
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Floats = NDArray[np.float64]
+
+class _Fit(TypedDict):
+    kappa: _Floats
+    gamma: _Floats
+    beta: _Floats
+    objective: list[float]
+    iterations: list[int]
+    status: list[int]
+    em_history: list[list[float]]
+
+def collapse(
+    bytes: NDArray[np.uint8], shape: list[int], scale: _Floats, cos_2phi: _Floats, theta_d: list[int]
+) -> _Floats: ...
+def decreasing(y: _Floats, weight: _Floats) -> _Floats: ...
+def fit(
+    moments: _Floats,
+    ln_cos: _Floats,
+    factor: _Floats,
+    *,
+    n_lobes: int,
+    method: str,
+    azimuthal: bool,
+    follow: bool,
+    log_offset: float | None,
+) -> _Fit: ...
+def em(
+    moments: _Floats,
+    ln_cos: _Floats,
+    n_lobes: int,
+    *,
+    max_rounds: int,
+    tolerance: float,
+    start: list[tuple[float, float]] | None = None,
+) -> tuple[list[tuple[float, float]], list[float], bool]: ...
+def eval(
+    wi: _Floats,
+    wo: _Floats,
+    theta_d: _Floats,
+    kappa: _Floats,
+    gamma: _Floats,
+    beta: _Floats,
+    azimuthal_width: float,
+) -> _Floats: ...

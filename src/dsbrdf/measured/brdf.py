@@ -1,0 +1,181 @@
+"""`MeasuredBRDF`: an isotropic BRDF tabulated over half and difference angles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _core, _files, half_diff
+
+__all__ = ["CONVENTIONS", "SHAPE", "MeasuredBRDF", "Source", "cell_angles", "tabulate"]
+
+#: Cells of a table in theta_h, theta_d and phi_d (those of the MERL database).
+SHAPE = (90, 90, 180)
+#: Which point of a cell its value belongs to.
+CONVENTIONS = ("centre", "edge")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a measurement came from."""
+
+    file: Path | None = None
+    description: str = ""
+    recorded: Mapping[str, Any] | None = None
+
+    @cached_property
+    def sha256(self) -> str | None:
+        """SHA-256 of the file, None if there is none."""
+        return None if self.file is None else _files.sha256(self.file)
+
+    def to_json(self) -> dict[str, Any]:
+        """Name and hash of the file, without its folder; what was recorded, if it comes from a model file."""
+        if self.recorded is not None:
+            return dict(self.recorded)
+        return {
+            "file": None if self.file is None else self.file.name,
+            "sha256": self.sha256,
+            "description": self.description,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredBRDF:
+    """A table of one isotropic BRDF, in 1/sr and without the cosine.
+
+    Parameters
+    ----------
+    name : str
+    planes : (channel, theta_h, theta_d, phi_d) ndarray of little-endian float64, C-contiguous
+        Numbers as stored, possibly mapped from a file; negative, NaN or infinite where invalid.
+    scale : (channel,) ndarray
+        Factor from `planes` to 1/sr.
+    theta_h, theta_d, phi_d : ndarray, radians
+        The angles that the values belong to.
+    convention : {"centre", "edge"}
+        Which point of its cell a value belongs to.
+    source : Source
+    """
+
+    name: str
+    planes: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    theta_h: NDArray[np.float64]
+    theta_d: NDArray[np.float64]
+    phi_d: NDArray[np.float64]
+    convention: str = "centre"
+    source: Source = Source()
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels."""
+        return self.planes.shape[0]
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Mask (theta_h, theta_d, phi_d, channel) of valid entries."""
+        return np.isfinite(self.values)
+
+    @cached_property
+    def values(self) -> NDArray[np.float64]:
+        """Values (theta_h, theta_d, phi_d, channel) in 1/sr; NaN where invalid."""
+        return np.moveaxis(self._channel_first(slice(None)), 0, -1)
+
+    def rows(self, rows: Sequence[int] | NDArray[np.int_]) -> NDArray[np.float64]:
+        """Values (channel, theta_h, row, phi_d) in 1/sr of some theta_d rows; NaN where invalid."""
+        return self._channel_first(rows)
+
+    def _channel_first(self, rows: Any) -> NDArray[np.float64]:
+        raw = np.array(self.planes[:, :, rows])
+        raw[~((raw >= 0.0) & (raw < np.inf))] = np.nan
+        raw *= self.scale[:, None, None, None]
+        return raw
+
+    def moments(self, rows: Sequence[int] | NDArray[np.int_]) -> NDArray[np.float64]:
+        """Moments (row, channel, theta_h, moment) over the valid phi_d of some theta_d rows.
+
+        The moments are the count and the sums of f, f^2, c, c^2 and f c, with `c = cos(2 phi_d)`.
+        """
+        return _core.collapse(
+            self.planes.reshape(-1).view(np.uint8),
+            list(self.planes.shape),
+            self.scale,
+            np.cos(2.0 * self.phi_d),
+            [int(row) for row in rows],
+        )
+
+    def __repr__(self) -> str:
+        n_h, n_d, n_phi = self.planes.shape[1:]
+        return (
+            f"MeasuredBRDF({self.name!r}, {n_h} theta_h x {n_d} theta_d x {n_phi} phi_d, "
+            f"{self.n_channels} channels, {self.convention} convention)"
+        )
+
+
+def cell_angles(
+    convention: str = "centre", shape: tuple[int, int, int] = SHAPE
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Angles `theta_h`, `theta_d`, `phi_d` of the cells of a table, in radians.
+
+    A cell i of n covers [i^2, (i + 1)^2) / n^2 of 90 degrees in theta_h and [i, i + 1) / n of 90 and of 180
+    degrees in theta_d and phi_d. Its value belongs to its middle (half a step, in the square-root coordinate),
+    or with `convention="edge"` to its lower edge.
+
+    Raises
+    ------
+    ValueError
+        If `convention` is neither "centre" nor "edge".
+    """
+    if convention not in CONVENTIONS:
+        raise ValueError(f"'convention' must be 'centre' or 'edge', got {convention!r}.")
+    offset = 0.5 if convention == "centre" else 0.0
+    h, d, phi = ((np.arange(n) + offset) / n for n in shape)
+    return np.pi / 2 * h**2, np.pi / 2 * d, np.pi * phi
+
+
+def tabulate(
+    reflectance: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+    name: str,
+    *,
+    shape: tuple[int, int, int] = SHAPE,
+    convention: str = "centre",
+    source: Source | None = None,
+) -> MeasuredBRDF:
+    """Tabulate a reflectance over half and difference angles.
+
+    Parameters
+    ----------
+    reflectance : callable
+        `reflectance(wi, wo)`: (..., channel) in 1/sr without cosine, for (..., 3) unit vectors.
+    name : str
+    shape : (int, int, int), optional
+        Cells in theta_h, theta_d, phi_d.
+    convention : {"centre", "edge"}, optional
+    source : Source, optional
+
+    Returns
+    -------
+    MeasuredBRDF
+        Entries with a direction below the horizon are invalid.
+    """
+    theta_h, theta_d, phi_d = cell_angles(convention, shape)
+    planes: NDArray[np.float64] | None = None
+    # One theta_h at a time: small temporaries
+    for i, theta in enumerate(theta_h):
+        wi, wo = half_diff.to_directions(theta, theta_d[:, None], phi_d)
+        values = np.array(reflectance(wi, wo), dtype=np.float64)
+        values[(wi[..., 2] <= 0.0) | (wo[..., 2] <= 0.0)] = -1.0
+        if planes is None:
+            planes = np.empty((values.shape[-1], *shape))
+        planes[:, i] = np.moveaxis(values, -1, 0)
+    if planes is None:
+        raise ValueError(f"'shape' must hold at least one theta_h, got {shape}.")
+    return MeasuredBRDF(
+        name, planes, np.ones(len(planes)), theta_h, theta_d, phi_d, convention, source or Source()
+    )

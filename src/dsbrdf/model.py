@@ -1,0 +1,193 @@
+"""`DSBRDF`: the fitted model (Eqs. 5 and 6), its evaluation, sampling and files."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dsbrdf import _check, evaluation, half_diff
+from dsbrdf.measured.brdf import Source
+
+__all__ = ["DSBRDF"]
+
+
+@dataclass(frozen=True, eq=False)
+class DSBRDF:
+    """A reflectance as lobes whose parameters are given at some theta_d.
+
+    The value is the sum over lobes of `expm1(kappa cos(theta_h)^gamma) (1 + beta g cos(2 phi_d))`, with g of
+    `dsbrdf.half_diff.azimuthal_factor`, in 1/sr and without the cosine. Between slices, kappa, gamma and beta are
+    interpolated linearly; beyond the first and the last they are held.
+
+    Parameters
+    ----------
+    theta_d : (theta_d,) ndarray, radians
+        Ascending.
+    kappa, gamma, beta : (theta_d, channel, lobe) arrays
+        `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1]; of NumPy, or of any library of the array API standard
+        to keep gradients.
+    name : str, optional
+    source : Source, optional
+        The measurement that was fitted.
+    fit_options, errors : mapping, optional
+        Options used and errors reached by the fit.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree or a value is out of range.
+    """
+
+    theta_d: NDArray[np.float64]
+    kappa: Any
+    gamma: Any
+    beta: Any
+    name: str = ""
+    source: Source = Source()
+    fit_options: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        theta_d = _check.angle(self.theta_d, "theta_d")
+        if theta_d.ndim != 1 or theta_d.size == 0 or (np.diff(theta_d) <= 0.0).any():
+            raise ValueError("'theta_d' must be a non-empty ascending list of angles.")
+        object.__setattr__(self, "theta_d", theta_d)
+        checks: dict[str, dict[str, Any]] = {
+            "kappa": {"low": 0.0, "open_low": True},
+            "gamma": {"low": 0.0},
+            "beta": {"low": -1.0, "high": 1.0},
+        }
+        for name, limits in checks.items():
+            values = getattr(self, name)
+            if isinstance(values, np.ndarray | list | tuple):
+                values = np.ascontiguousarray(_check.finite(values, name, **limits))
+                object.__setattr__(self, name, values)
+            if values.ndim != 3 or values.shape[0] != theta_d.size or tuple(values.shape) != tuple(self.kappa.shape):
+                raise ValueError(
+                    f"'{name}' must have shape (theta_d, channel, lobe) like 'kappa' with {theta_d.size} theta_d, "
+                    f"got {tuple(values.shape)}."
+                )
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels."""
+        return int(self.kappa.shape[1])
+
+    @property
+    def n_lobes(self) -> int:
+        """Number of lobes in each slice and channel."""
+        return int(self.kappa.shape[2])
+
+    def replace(self, **changes: Any) -> DSBRDF:
+        """Return a copy with some fields changed, e.g. `kappa` by an array that carries gradients."""
+        return dataclasses.replace(self, **changes)
+
+    def eval(self, wi: Any, wo: Any) -> Any:
+        """Values for pairs of directions.
+
+        Parameters
+        ----------
+        wi, wo : (..., 3) arrays
+            Unit vectors toward the light and the viewer, normal +z; NumPy, PyTorch, JAX or another library of
+            the array API standard. They broadcast against each other.
+
+        Returns
+        -------
+        (..., channel) array, 1/sr, without the cosine
+            Zero where a direction is below the horizon. The same to the last bit with `wi` and `wo` exchanged.
+
+        Raises
+        ------
+        ValueError
+            If NumPy directions are not unit vectors.
+        """
+        return evaluation.evaluate(wi, wo, self.theta_d, self.kappa, self.gamma, self.beta)
+
+    def eval_angles(self, theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) -> Any:
+        """Values (..., channel) in 1/sr at half and difference angles in radians, which broadcast.
+
+        Zero where one of the two directions would be below the horizon.
+
+        Raises
+        ------
+        ValueError
+            If an angle is out of range.
+        """
+        return self.eval(*half_diff.to_directions(theta_h, theta_d, phi_d))
+
+    def lobe(self, k: int) -> DSBRDF:
+        """Lobe `k` alone, as a model; the values of all lobes add up to the model's (Section 6.B).
+
+        Raises
+        ------
+        IndexError
+            If there is no such lobe.
+        """
+        if not -self.n_lobes <= k < self.n_lobes:
+            raise IndexError(f"lobe {k}: the model has {self.n_lobes} lobes, numbered from 0.")
+        k %= self.n_lobes
+        parts = {name: getattr(self, name)[..., k : k + 1] for name in ("kappa", "gamma", "beta")}
+        return self.replace(**parts, name=f"{self.name} lobe {k}", errors={})
+
+    def albedo(self, theta_i: ArrayLike) -> NDArray[np.float64]:
+        """Directional albedo: the share of light from `theta_i` that is reflected.
+
+        Parameters
+        ----------
+        theta_i : (...) array_like, radians in [0, pi/2]
+
+        Returns
+        -------
+        (..., channel) ndarray
+            Can exceed 1: nothing in the model bounds it. Quadrature; relative error below 1e-3.
+        """
+        from dsbrdf import sampling
+
+        return sampling.albedo(self, theta_i)
+
+    def sample(self, wo: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Draw a direction toward the light for each direction toward the viewer.
+
+        Parameters
+        ----------
+        wo : (..., 3) array_like
+            Unit vectors above the horizon.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        (..., 3) ndarray
+            Unit vectors; those below the horizon carry no light and are to be given weight zero. Their density
+            is `pdf`.
+        """
+        from dsbrdf import sampling
+
+        return sampling.sample(self, wo, rng)
+
+    def pdf(self, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
+        """Density (...) in 1/sr with which `sample` draws `wi` for `wo`, exactly; zero below the horizon."""
+        from dsbrdf import sampling
+
+        return sampling.pdf(self, wi, wo)
+
+    def save(self, path: str | Path) -> None:
+        """Write the model as JSON; see `dsbrdf.model_file`.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written; then nothing is left of it.
+        """
+        from dsbrdf import model_file
+
+        model_file.save(self, path)
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        return f"DSBRDF({name}{self.n_lobes} lobes, {self.n_channels} channels, {len(self.theta_d)} slices)"

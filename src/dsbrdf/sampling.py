@@ -1,0 +1,110 @@
+"""Exact importance sampling of a model, and its directional albedo.
+
+A renderer knows one direction only, so theta_d is not known before sampling: half vectors are drawn from the lobes
+of the slice nearest to the angle of that direction, channels averaged, and `pdf` describes just that sampler. The
+azimuthal term is left to the weight. A share of cosine-weighted directions covers what lobes leave out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dsbrdf import _check, half_diff, hemi_epd
+
+if TYPE_CHECKING:
+    from dsbrdf.model import DSBRDF
+
+__all__ = ["albedo", "pdf", "sample"]
+
+#: Share of samples that are cosine-weighted.
+COSINE_SHARE = 0.1
+#: Lobes dimmer than this would sample nothing.
+MIN_KAPPA = 1e-9
+
+
+def _slice_lobes(
+    model: DSBRDF,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """kappa, gamma and probability (theta_d, lobe) of the lobes that are sampled."""
+    kappa = np.maximum(np.asarray(model.kappa).mean(1), MIN_KAPPA)
+    gamma = np.asarray(model.gamma).mean(1)
+    weight = np.exp(-hemi_epd.log_normaliser(kappa, gamma))
+    return kappa, gamma, weight / weight.sum(1, keepdims=True)
+
+
+def _nearest_slice(model: DSBRDF, theta: NDArray[np.float64]) -> NDArray[np.int_]:
+    between = 0.5 * (model.theta_d[1:] + model.theta_d[:-1])
+    return np.searchsorted(between, theta)
+
+
+def sample(model: DSBRDF, wo: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw directions toward the light; see `DSBRDF.sample`."""
+    wo = _check.unit_vectors(wo, "wo")
+    flat = wo.reshape(-1, 3)
+    n = len(flat)
+    kappa, gamma, weight = _slice_lobes(model)
+    index = _nearest_slice(model, np.arccos(np.clip(flat[:, 2], -1.0, 1.0)))
+    lobe = (rng.random(n)[:, None] > np.cumsum(weight, axis=1)[index]).sum(1)
+    lobe = np.minimum(lobe, model.n_lobes - 1)
+    theta_h = hemi_epd.sample(kappa[index, lobe], gamma[index, lobe], rng)
+    phi = 2.0 * np.pi * rng.random(n)
+    half = _polar(np.sin(theta_h), np.cos(theta_h), phi)
+    mirrored = 2.0 * (half * flat).sum(1, keepdims=True) * half - flat
+
+    radius2 = rng.random(n)
+    cosine = _polar(np.sqrt(radius2), np.sqrt(1.0 - radius2), phi)
+    take_cosine = rng.random(n) < COSINE_SHARE
+    return np.where(take_cosine[:, None], cosine, mirrored).reshape(wo.shape)
+
+
+def pdf(model: DSBRDF, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
+    """Density of `sample`; see `DSBRDF.pdf`."""
+    wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
+    above = (wi[..., 2] > 0.0) & (wo[..., 2] > 0.0)
+    theta_h, theta_d, _ = half_diff.from_directions(wi, wo)
+    kappa, gamma, weight = _slice_lobes(model)
+    index = _nearest_slice(model, np.arccos(np.clip(wo[..., 2], -1.0, 1.0)))
+    safe_theta_h = np.where(above, theta_h, 0.0)[..., None]
+    # hemi_epd.pdf with the few normalisers there are
+    log_c = hemi_epd.log_normaliser(kappa, gamma)[index]
+    of_half = np.exp(log_c) * hemi_epd.lobe(safe_theta_h, kappa[index], gamma[index])
+    density = (weight[index] * of_half).sum(-1)
+    jacobian = 1.0 / (4.0 * np.maximum(np.cos(theta_d), 1e-12))
+    total = COSINE_SHARE * np.maximum(wi[..., 2], 0.0) / np.pi + (1.0 - COSINE_SHARE) * density * jacobian
+    return np.where(above, total, 0.0)
+
+
+def _polar(
+    sin_theta: NDArray[np.float64], cos_theta: NDArray[np.float64], phi: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    x, y, z = np.broadcast_arrays(sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta)
+    return np.stack([x, y, z], axis=-1)
+
+
+def albedo(model: DSBRDF, theta_i: ArrayLike) -> NDArray[np.float64]:
+    """Directional albedo by quadrature over the half vector; see `DSBRDF.albedo`.
+
+    The half vector's theta_h has Gauss-Legendre panels that shrink toward the pole, so that lobes of any width are
+    met, and `d omega_o = 4 (wi . h) d omega_h`.
+    """
+    theta_i = _check.angle(theta_i, "theta_i")
+    edges = np.concatenate([[0.0], np.geomspace(1e-4, np.pi / 2, 28)])
+    node, node_weight = np.polynomial.legendre.leggauss(8)
+    low, width = edges[:-1, None], np.diff(edges)[:, None]
+    theta_h = (low + 0.5 * width * (node + 1.0)).ravel()
+    weight_h = (0.5 * width * node_weight).ravel() * np.sin(theta_h)
+    phi = np.pi * (np.arange(128) + 0.5) / 128
+    half = _polar(np.sin(theta_h)[:, None], np.cos(theta_h)[:, None], phi)
+    result = np.zeros((*theta_i.shape, model.n_channels))
+    for position, theta in np.ndenumerate(theta_i):
+        wi = np.array([np.sin(theta), 0.0, np.cos(theta)])
+        cos_d = half @ wi
+        wo = 2.0 * cos_d[..., None] * half - wi
+        some = (cos_d > 0.0) & (wo[..., 2] > 0.0)
+        jacobian = np.where(some, 4.0 * cos_d * wo[..., 2], 0.0) * weight_h[:, None] * (2.0 * np.pi / 128)
+        values = model.eval(wi, wo[some])
+        result[position] = (values * jacobian[some][:, None]).sum(0)
+    return result
