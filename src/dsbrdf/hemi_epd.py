@@ -372,7 +372,7 @@ def _draw_component(kappa: Array, gamma: Array, rng: np.random.Generator) -> Arr
     """Draw n >= 1 with probability proportional to kappa^n / (n! (n gamma + 1)), by rejection.
 
     Proposals are Poisson counts m given m >= 1, that is kappa^m / m!: n = m, or, where kappa and kappa gamma
-    are large, n = m - 1. At least half of them are accepted, whatever the parameters.
+    are large, n = m - 1. At worst about half of them are accepted.
     """
     n = np.empty_like(kappa)
     todo = np.arange(kappa.size)

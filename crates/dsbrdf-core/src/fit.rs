@@ -61,12 +61,12 @@ pub struct SliceFit {
 
 /// The joint fit's stopping rule while candidates are compared.
 fn scout(slice: &Slice) -> Stop {
-    Stop { max_iterations: 100, cost: 1e-4, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 100, cost: 1e-4, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
 }
 
 /// The stopping rule of the joint fit that ends in the model.
 fn finish(slice: &Slice) -> Stop {
-    Stop { max_iterations: 200, cost: 1e-10, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 500, cost: 1e-10, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
 }
 
 /// Fits slices given theta_d by theta_d, `n_channels` after one another.
@@ -218,7 +218,9 @@ fn follow(along: &[&Vec<SliceFit>]) -> Vec<SliceFit> {
     let admissible: Vec<Vec<&SliceFit>> = along
         .iter()
         .map(|fits| {
-            let limit = best(fits).objective * (1.0 + AS_GOOD);
+            // Never above the EM alone
+            let em = fits[0].em_history.last().copied().unwrap_or(f64::INFINITY);
+            let limit = (best(fits).objective * (1.0 + AS_GOOD)).min(em);
             fits.iter().filter(|fit| fit.objective <= limit).collect()
         })
         .collect();

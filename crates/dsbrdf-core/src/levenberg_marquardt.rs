@@ -14,8 +14,10 @@ pub trait LeastSquares {
 #[derive(Clone, Copy, Debug)]
 pub struct Stop {
     pub max_iterations: usize,
-    /// Relative decrease of the cost, actual and predicted.
+    /// Decrease of the cost, actual and predicted, relative to cost and floor together.
     pub cost: f64,
+    /// What is left at best, and not part of the cost.
+    pub floor: f64,
     /// A cost at or below which the data are met to rounding.
     pub zero: f64,
 }
@@ -70,7 +72,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
         let actual = cost - new_cost;
         if actual > 0.0 && new_cost.is_finite() {
             x.copy_from_slice(&trial);
-            let small = actual <= stop.cost * cost && predicted <= stop.cost * cost;
+            let small = actual.max(predicted) <= stop.cost * (cost + stop.floor);
             cost = new_cost;
             if small {
                 return Minimum { cost, iterations: iteration + 1, converged: true };
@@ -81,7 +83,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             growth = 2.0;
             rejected = 0;
         } else {
-            if predicted <= stop.cost * cost * 1e-3 || rejected > MAX_REJECTED {
+            if predicted <= 1e-3 * stop.cost * (cost + stop.floor) || rejected > MAX_REJECTED {
                 return Minimum { cost, iterations: iteration + 1, converged: true };
             }
             damping *= growth;
@@ -167,7 +169,7 @@ mod tests {
     #[test]
     fn finds_the_minimum_of_rosenbrock() {
         let mut x = [-1.2, 1.0];
-        let stop = Stop { max_iterations: 200, cost: 1e-15, zero: 1e-30 };
+        let stop = Stop { max_iterations: 200, cost: 1e-15, floor: 0.0, zero: 1e-30 };
         let minimum = minimise(&mut Rosenbrock::default(), &mut x, stop);
         assert!(minimum.converged);
         assert!((x[0] - 1.0).abs() < 1e-10 && (x[1] - 1.0).abs() < 1e-10, "{x:?}");
@@ -175,7 +177,7 @@ mod tests {
 
     #[test]
     fn says_when_it_ran_out_of_steps() {
-        let stop = Stop { max_iterations: 2, cost: 1e-15, zero: 0.0 };
+        let stop = Stop { max_iterations: 2, cost: 1e-15, floor: 0.0, zero: 0.0 };
         assert!(!minimise(&mut Rosenbrock::default(), &mut [-1.2, 1.0], stop).converged);
     }
 }

@@ -1,15 +1,18 @@
-//! The sum of lobes of one slice as a least-squares problem in `ln kappa`, `ln gamma` and `atanh beta`.
+//! The sum of lobes of one slice as a least-squares problem in `ln kappa`, `ln gamma` and `asin beta`.
 
 use crate::levenberg_marquardt::{LeastSquares, Minimum, Stop, minimise};
 use crate::lobe::{Lobe, values_and_slopes};
 use crate::slice::{LANES, Loss, Slice};
 
-/// Range of `ln kappa`: below, a lobe is as good as absent; above, its height overflows.
-const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
+/// Least `ln kappa`: below, a lobe is as good as absent.
+const LN_KAPPA_LOW: f64 = -40.0;
+/// A lobe is at most this many times as high as the brightest point of the slice. Samples near the pole are not
+/// fitted, and nothing else keeps a narrow lobe from growing there without bound.
+const MAX_HEIGHT: f64 = 100.0;
 /// Range of `ln gamma`: within it, changes of shape can be told apart in double precision.
 const LN_GAMMA: (f64, f64) = (-14.0, 14.0);
-/// Range of `atanh beta`: |beta| < 1 - 4e-9.
-const ATANH_BETA: (f64, f64) = (-1.57, 1.57);
+/// Range of `asin beta`.
+const ASIN_BETA: (f64, f64) = (-1.57, 1.57);
 
 /// The least-squares problem of a slice.
 pub struct Mixture<'a> {
@@ -17,6 +20,7 @@ pub struct Mixture<'a> {
     /// What the lobes are fitted to: the mean over phi_d, or a lobe's share of it.
     pub target: Vec<f64>,
     azimuthal: bool,
+    ln_kappa_high: f64,
     lobes: Vec<Lobe>,
     /// (lobe, theta_h): value, derivative by `ln kappa`.
     value: Vec<f64>,
@@ -37,6 +41,7 @@ impl<'a> Mixture<'a> {
             slice,
             target: slice.mean.clone(),
             azimuthal,
+            ln_kappa_high: (MAX_HEIGHT * slice.mean.iter().fold(0.0, |x: f64, &y| x.max(y))).ln_1p().ln(),
             lobes: vec![Lobe { kappa: 0.0, gamma: 0.0, beta: 0.0 }; n_lobes],
             value: vec![0.0; n_lobes * n],
             slope: vec![0.0; n_lobes * n],
@@ -80,6 +85,40 @@ fn add(factor: f64, value: &[f64], sum: &mut [f64]) {
     }
 }
 
+/// `sum += x y`.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn add_product(x: &[f64], y: &[f64], sum: &mut [f64]) {
+    for ((sum, x), y) in sum.iter_mut().zip(x).zip(y) {
+        *sum += x * y;
+    }
+}
+
+/// Amplitudes of cos(2 phi_d) to residuals.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn azimuthal_rows(w: &[f64], y: &[f64], row: &mut [f64]) {
+    for ((row, w), y) in row.iter_mut().zip(w).zip(y) {
+        *row = w * *row - y;
+    }
+}
+
+/// Model means to residuals, and the derivative of each.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn l2_rows(w: &[f64], target: &[f64], row: &mut [f64], weight: &mut [f64]) {
+    for (((row, weight), w), target) in row.iter_mut().zip(weight.iter_mut()).zip(w).zip(target) {
+        *row = w * (*row - target);
+        *weight = *w;
+    }
+}
+
+/// Model means to residuals of their logarithm, and the derivative of each.
+fn log_rows(w: &[f64], target: &[f64], offset: f64, row: &mut [f64], weight: &mut [f64]) {
+    for (((row, weight), w), target) in row.iter_mut().zip(weight.iter_mut()).zip(w).zip(target) {
+        let model = *row + offset;
+        *row = w * (model / (target + offset)).ln();
+        *weight = w / model;
+    }
+}
+
 /// Numbers a lobe has in the problem.
 fn parameters(azimuthal: bool) -> usize {
     if azimuthal { 3 } else { 2 }
@@ -94,59 +133,39 @@ impl LeastSquares for Mixture<'_> {
         self.set(x);
         self.sum_lobes();
         let slice = self.slice;
-        let n = slice.ln_cos.len();
-        let (mean_rows, cos_rows) = self.residual.split_at_mut(n);
-        for i in 0..n {
-            let b = if self.azimuthal { cos_rows[i] } else { 0.0 };
-            let model = mean_rows[i] + slice.skew[i] * b;
-            (mean_rows[i], self.weight[i]) = match slice.loss {
-                Loss::L2 => (slice.w_a[i] * (model - self.target[i]), slice.w_a[i]),
-                Loss::Log { offset } => {
-                    let ratio = (model + offset) / (self.target[i] + offset);
-                    (slice.w_a[i] * ratio.ln(), slice.w_a[i] / (model + offset))
-                }
-            };
-        }
+        let (mean_rows, cos_rows) = self.residual.split_at_mut(slice.ln_cos.len());
         if self.azimuthal {
-            for (i, row) in cos_rows.iter_mut().enumerate() {
-                *row = slice.w_b[i] * *row - slice.y_b[i];
-            }
+            add_product(&slice.skew, cos_rows, mean_rows);
+            azimuthal_rows(&slice.w_b, &slice.y_b, cos_rows);
+        }
+        match slice.loss {
+            Loss::L2 => l2_rows(&slice.w_a, &self.target, mean_rows, &mut self.weight),
+            Loss::Log { offset } => log_rows(&slice.w_a, &self.target, offset, mean_rows, &mut self.weight),
         }
         0.5 * dot(&self.residual, &self.residual)
     }
 
     fn linearise(&mut self, hessian: &mut [f64], gradient: &mut [f64]) {
-        let slice = self.slice;
-        let n = slice.ln_cos.len();
+        let n = self.slice.ln_cos.len();
         let rows = self.residual.len();
+        let width = parameters(self.azimuthal) * rows;
         for (k, lobe) in self.lobes.iter().enumerate() {
             let value = &self.value[k * n..(k + 1) * n];
             let slope = &self.slope[k * n..(k + 1) * n];
-            let width = parameters(self.azimuthal) * rows;
-            let columns = &mut self.jacobian[k * width..(k + 1) * width];
-            let (by_kappa, rest) = columns.split_at_mut(rows);
-            let (by_gamma, by_beta) = rest.split_at_mut(rows);
-            for i in 0..n {
-                let d = self.weight[i] * (1.0 + slice.skew[i] * lobe.beta) * slope[i];
-                by_kappa[i] = d;
-                by_gamma[i] = d * lobe.gamma * slice.ln_cos[i];
-            }
-            if self.azimuthal {
-                let by_s = (1.0 - lobe.beta * lobe.beta).sqrt();
-                for i in 0..n {
-                    let d = slice.w_b[i] * lobe.beta * slope[i];
-                    by_kappa[n + i] = d;
-                    by_gamma[n + i] = d * lobe.gamma * slice.ln_cos[i];
-                    by_beta[i] = self.weight[i] * slice.skew[i] * value[i] * by_s;
-                    by_beta[n + i] = slice.w_b[i] * value[i] * by_s;
-                }
-            }
+            columns(
+                self.slice,
+                lobe,
+                &self.weight,
+                value,
+                slope,
+                &mut self.jacobian[k * width..(k + 1) * width],
+            );
         }
         normal_equations(&self.jacobian, &self.residual, hessian, gradient);
     }
 
     fn project(&self, x: &mut [f64]) {
-        let limits = [LN_KAPPA, LN_GAMMA, ATANH_BETA];
+        let limits = [(LN_KAPPA_LOW, self.ln_kappa_high), LN_GAMMA, ASIN_BETA];
         for x in x.chunks_exact_mut(parameters(self.azimuthal)) {
             for (x, (low, high)) in x.iter_mut().zip(limits) {
                 *x = x.clamp(low, high);
@@ -166,6 +185,31 @@ impl Mixture<'_> {
             .collect();
         let minimum = minimise(self, &mut x, stop);
         (x.chunks_exact(size).map(lobe_at).collect(), minimum)
+    }
+}
+
+/// A lobe's columns of the Jacobian: by `ln kappa`, by `ln gamma` and, with the azimuthal term, by `asin beta`.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn columns(slice: &Slice, lobe: &Lobe, weight: &[f64], value: &[f64], slope: &[f64], jacobian: &mut [f64]) {
+    let n = value.len();
+    let azimuthal = jacobian.len() > 2 * n;
+    let rows = if azimuthal { 2 * n } else { n };
+    let (by_kappa, rest) = jacobian.split_at_mut(rows);
+    let (by_gamma, by_beta) = rest.split_at_mut(rows);
+    for i in 0..n {
+        let d = weight[i] * (1.0 + slice.skew[i] * lobe.beta) * slope[i];
+        by_kappa[i] = d;
+        by_gamma[i] = d * lobe.gamma * slice.ln_cos[i];
+    }
+    if azimuthal {
+        let by_s = (1.0 - lobe.beta * lobe.beta).sqrt();
+        for i in 0..n {
+            let d = slice.w_b[i] * lobe.beta * slope[i];
+            by_kappa[n + i] = d;
+            by_gamma[n + i] = d * lobe.gamma * slice.ln_cos[i];
+            by_beta[i] = weight[i] * slice.skew[i] * value[i] * by_s;
+            by_beta[n + i] = slice.w_b[i] * value[i] * by_s;
+        }
     }
 }
 
