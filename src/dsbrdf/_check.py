@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf import _core
+
 __all__ = ["angle", "finite", "unit_vectors"]
 
 UNIT_TOLERANCE = 1e-4
@@ -80,12 +82,14 @@ def unit_vectors(value: Any, name: str) -> NDArray[np.float64]:
     array = np.asarray(value, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"'{name}' must have x, y, z on its last axis, got shape {array.shape}.")
-    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
-    bad = ~(np.abs(norm - 1.0) <= UNIT_TOLERANCE)
-    if bad.any():
-        got = norm[bad][0] if norm.ndim else norm[()]
+    flat = np.ascontiguousarray(array).reshape(-1, 3)
+    first = _core.first_not_unit(flat, UNIT_TOLERANCE)
+    if first is not None:
+        where = np.unravel_index(first, array.shape[:-1])
+        index = tuple(int(i) for i in where)
+        place = "" if not index else f" at index {index[0] if len(index) == 1 else index}"
         raise ValueError(
-            f"'{name}' must be unit vectors on the last axis, got norm {got:.6g}{_first(bad)}. "
+            f"'{name}' must be unit vectors on the last axis, got norm {np.linalg.norm(flat[first]):.6g}{place}. "
             f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
         )
     return array

@@ -1,7 +1,8 @@
 """Evaluation of a model: the compiled kernel for NumPy, and its readable twin for any array library.
 
 The twin keeps gradients with respect to directions and parameters (PyTorch, JAX); it is what the kernel is tested
-against. Both interpolate kappa, gamma and beta linearly between slices and hold them beyond the first and last.
+against. Both interpolate the values of the two nearest slices linearly in theta_d, and hold the first and last slice
+beyond them (decision record 0004).
 """
 
 from __future__ import annotations
@@ -68,13 +69,13 @@ def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: A
         weight = xp.zeros(index.shape, dtype=dtype, device=device)
     upper = index + (1 if n > 1 else 0)
 
-    def between(values: Any) -> Any:
-        at_low = xp.take(values, index, axis=0)
-        return at_low + weight[:, None, None] * (xp.take(values, upper, axis=0) - at_low)
+    log_cos, azimuth = (xp.reshape(x, (-1,))[:, None, None] for x in (log_cos, azimuth))
 
-    flat = [xp.reshape(x, (-1,))[:, None, None] for x in (log_cos, azimuth)]
-    value = xp.expm1(between(kappa) * xp.exp(between(gamma) * flat[0]))
-    total = xp.sum(value * (1.0 + between(beta) * flat[1]), axis=-1)
+    def slice_value(at: Any) -> Any:
+        k, g, b = (xp.take(values, at, axis=0) for values in (kappa, gamma, beta))
+        return xp.sum(xp.expm1(k * xp.exp(g * log_cos)) * (1.0 + b * azimuth), axis=-1)
+
+    total = (1.0 - weight[:, None]) * slice_value(index) + weight[:, None] * slice_value(upper)
     above = xp.reshape((wi[..., 2] >= 0.0) & (wo[..., 2] >= 0.0), (-1,))
     total = xp.where(above[:, None], total, xp.zeros_like(total))
     return xp.reshape(total, (*angle.shape, kappa.shape[1]))

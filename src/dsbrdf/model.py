@@ -22,8 +22,8 @@ class DSBRDF:
     """A reflectance as lobes whose parameters are given at some theta_d.
 
     The value is the sum over lobes of `expm1(kappa cos(theta_h)^gamma) (1 + beta g cos(2 phi_d))`, with g of
-    `dsbrdf.half_diff.azimuthal_factor`, in 1/sr and without the cosine. Between slices, kappa, gamma and beta are
-    interpolated linearly; beyond the first and the last they are held.
+    `dsbrdf.half_diff.azimuthal_factor`, in 1/sr and without the cosine. Between slices the values of the two
+    nearest are interpolated linearly in theta_d; beyond the first and the last slice that one's hold.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-//! Values of a model at many pairs of directions.
+//! Values of a model at many pairs of directions: those of the two nearest slices, interpolated in theta_d.
 
 use rayon::prelude::*;
 
@@ -17,36 +17,8 @@ pub struct Model<'a> {
     pub kappa: &'a [f64],
     pub gamma: &'a [f64],
     pub beta: &'a [f64],
-    /// The constant c of the azimuthal factor, see [`half_diff`].
+    /// The constant c of the azimuthal factor, see [`Block`].
     pub azimuthal_width: f64,
-}
-
-/// What the model depends on: ln cos(theta_h), theta_d, and the azimuthal factor times cos(2 phi_d).
-///
-/// With `p = sin(theta_h) sin(theta_d)` and `q = cos(theta_h) cos(theta_d)`, the factor is
-/// `p / sqrt(p^2 + (c q)^2)`. Each expression is symmetric in the two directions to the last bit.
-#[inline(always)]
-#[must_use]
-pub fn half_diff(wi: [f64; 3], wo: [f64; 3], azimuthal_width: f64) -> (f64, f64, f64) {
-    let s = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
-    let d = [wi[0] - wo[0], wi[1] - wo[1], wi[2] - wo[2]];
-    let rho2 = s[0] * s[0] + s[1] * s[1];
-    let s2 = rho2 + s[2] * s[2];
-    let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    let theta_d = d2.sqrt().atan2(s2.sqrt());
-    let sin2 = if s2 > 0.0 { rho2 / s2 } else { 1.0 };
-    let ln_cos = 0.5 * (-sin2).ln_1p();
-
-    // d along the meridian and across it, both times rho |s|
-    let along2 = d[2] * d[2] * s2;
-    let cross = d[1] * s[0] - d[0] * s[1];
-    let across2 = cross * cross;
-    let both = along2 + across2;
-    // p^2 : q^2 = rho^2 |d|^2 : (s_z |s|)^2, and both = rho^2 |d|^2 / ... up to rounding
-    let c_q = azimuthal_width * s[2];
-    let c_q2 = c_q * c_q * s2;
-    let azimuth = if both > 0.0 { (along2 - across2) / (both * (both + c_q2)).sqrt() } else { 0.0 };
-    (ln_cos, theta_d, azimuth)
 }
 
 impl Model<'_> {
@@ -70,38 +42,52 @@ impl Model<'_> {
     }
 }
 
-/// Coordinates of up to [`BLOCK`] directions.
+/// What the model depends on, for up to [`BLOCK`] pairs of directions.
+///
+/// With `p = sin(theta_h) sin(theta_d)` and `q = cos(theta_h) cos(theta_d)`, the azimuthal factor is
+/// `p / sqrt(p^2 + (c q)^2)`. Each expression is symmetric in the two directions to the last bit.
 struct Block {
     ln_cos: [f64; BLOCK],
+    /// Azimuthal factor times cos(2 phi_d).
     azimuth: [f64; BLOCK],
-    above: [f64; BLOCK],
-    /// Slice below theta_d, and the weight of the one above it.
+    /// Slice at or below theta_d.
     slice: [usize; BLOCK],
-    weight: [f64; BLOCK],
+    /// Weights of it and of the next; both zero below the horizon.
+    weight: [[f64; BLOCK]; 2],
 }
 
 impl Default for Block {
     fn default() -> Self {
-        Self {
-            ln_cos: [0.0; BLOCK],
-            azimuth: [0.0; BLOCK],
-            above: [0.0; BLOCK],
-            slice: [0; BLOCK],
-            weight: [0.0; BLOCK],
-        }
+        Self { ln_cos: [0.0; BLOCK], azimuth: [0.0; BLOCK], slice: [0; BLOCK], weight: [[0.0; BLOCK]; 2] }
     }
 }
 
 impl Block {
     fn set(&mut self, model: &Model, wi: &[f64], wo: &[f64]) {
+        let (sin2, tan_d) = self.vectors(model.azimuthal_width, wi, wo);
         for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
-            let (ln_cos, theta_d, azimuth) =
-                half_diff([wi[0], wi[1], wi[2]], [wo[0], wo[1], wo[2]], model.azimuthal_width);
-            self.ln_cos[j] = ln_cos;
-            self.azimuth[j] = azimuth;
-            self.above[j] = if wi[2] >= 0.0 && wo[2] >= 0.0 { 1.0 } else { 0.0 };
-            (self.slice[j], self.weight[j]) = between(model.theta_d, theta_d);
+            self.ln_cos[j] = 0.5 * (-sin2[j]).ln_1p();
+            let above = if wi[2] >= 0.0 && wo[2] >= 0.0 { 1.0 } else { 0.0 };
+            let (slice, next) = between(model.theta_d, tan_d[j].atan());
+            self.slice[j] = slice;
+            self.weight[0][j] = above * (1.0 - next);
+            self.weight[1][j] = above * next;
         }
+    }
+
+    /// Sets `azimuth`; `sin(theta_h)^2` and `tan(theta_d)`.
+    fn vectors(&mut self, azimuthal_width: f64, wi: &[f64], wo: &[f64]) -> ([f64; BLOCK], [f64; BLOCK]) {
+        let mut s = [[0.0; BLOCK]; 3];
+        let mut d = [[0.0; BLOCK]; 3];
+        for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
+            for axis in 0..3 {
+                s[axis][j] = wi[axis] + wo[axis];
+                d[axis][j] = wi[axis] - wo[axis];
+            }
+        }
+        let (mut sin2, mut tan_d) = ([0.0; BLOCK], [0.0; BLOCK]);
+        angles(azimuthal_width, &s, &d, &mut sin2, &mut tan_d, &mut self.azimuth);
+        (sin2, tan_d)
     }
 
     fn sum_lobes(&self, model: &Model, values: &mut [f64]) {
@@ -119,24 +105,51 @@ impl Block {
     }
 }
 
+/// `sin(theta_h)^2`, `tan(theta_d)` and azimuthal factor times cos(2 phi_d) of sums `s` and differences `d`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
+fn angles(
+    azimuthal_width: f64,
+    s: &[[f64; BLOCK]; 3],
+    d: &[[f64; BLOCK]; 3],
+    sin2: &mut [f64; BLOCK],
+    tan_d: &mut [f64; BLOCK],
+    azimuth: &mut [f64; BLOCK],
+) {
+    for j in 0..BLOCK {
+        let rho2 = s[0][j] * s[0][j] + s[1][j] * s[1][j];
+        let s2 = rho2 + s[2][j] * s[2][j];
+        let d2 = d[0][j] * d[0][j] + d[1][j] * d[1][j] + d[2][j] * d[2][j];
+        sin2[j] = if s2 > 0.0 { rho2 / s2 } else { 1.0 };
+        tan_d[j] = if s2 > 0.0 { (d2 / s2).sqrt() } else { f64::INFINITY };
+
+        // cos(phi_d) : sin(phi_d) = d_z |s| : (d cross s)_z, and the sum of their squares is (2 p |s|)^2
+        let along2 = d[2][j] * d[2][j] * s2;
+        let cross = d[1][j] * s[0][j] - d[0][j] * s[1][j];
+        let across2 = cross * cross;
+        let both = along2 + across2;
+        let c_q = azimuthal_width * s[2][j];
+        let product = both * (both + c_q * c_q * s2);
+        azimuth[j] = if product > 0.0 { (along2 - across2) / product.sqrt() } else { 0.0 };
+    }
+}
+
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn add_lobe(block: &Block, model: &Model, lobe: usize, stride: usize, sum: &mut [f64; BLOCK]) {
+    let last = model.theta_d.len() - 1;
     let mut kappa = [0.0; BLOCK];
     let mut gamma = [0.0; BLOCK];
     let mut beta = [0.0; BLOCK];
-    let last = model.theta_d.len() - 1;
-    for j in 0..BLOCK {
-        let low = block.slice[j] * stride + lobe;
-        let high = (block.slice[j] + 1).min(last) * stride + lobe;
-        let w = block.weight[j];
-        let lerp = |x: &[f64]| x[low] + w * (x[high] - x[low]);
-        kappa[j] = lerp(model.kappa);
-        gamma[j] = lerp(model.gamma);
-        beta[j] = lerp(model.beta);
-    }
-    for j in 0..BLOCK {
-        let value = expm1(kappa[j] * exp(gamma[j] * block.ln_cos[j]));
-        sum[j] += block.above[j] * value * (1.0 + beta[j] * block.azimuth[j]);
+    for step in 0..2 {
+        for j in 0..BLOCK {
+            let at = (block.slice[j] + step).min(last) * stride + lobe;
+            kappa[j] = model.kappa[at];
+            gamma[j] = model.gamma[at];
+            beta[j] = model.beta[at];
+        }
+        for j in 0..BLOCK {
+            let value = expm1(kappa[j] * exp(gamma[j] * block.ln_cos[j]));
+            sum[j] += block.weight[step][j] * value * (1.0 + beta[j] * block.azimuth[j]);
+        }
     }
 }
 
@@ -149,4 +162,14 @@ fn between(nodes: &[f64], x: f64) -> (usize, f64) {
     let low = (above - 1).min(nodes.len() - 2);
     let weight = (x - nodes[low]) / (nodes[low + 1] - nodes[low]);
     (low, weight.min(1.0))
+}
+
+/// Index of the first direction whose length differs from 1 by more than `tolerance`.
+#[must_use]
+pub fn first_not_unit(directions: &[f64], tolerance: f64) -> Option<usize> {
+    let off = |w: &[f64]| {
+        let length = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]).sqrt();
+        (length - 1.0).abs() > tolerance || length.is_nan()
+    };
+    directions.par_chunks_exact(3).with_min_len(CHUNK).position_first(off)
 }

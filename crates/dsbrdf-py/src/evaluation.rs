@@ -1,6 +1,6 @@
 //! Values of a model at pairs of directions.
 
-use dsbrdf_core::eval::Model;
+use dsbrdf_core::eval::{Model, first_not_unit as find};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -54,4 +54,15 @@ pub fn eval<'py>(
         py.detach(|| model.eval(wi, wo, &mut values));
     }
     PyArray1::from_vec(py, values).reshape([n, n_channels].as_slice())
+}
+
+/// Index of the first of the `directions` (direction, xyz) whose length is not 1 within `tolerance`.
+#[pyfunction]
+pub fn first_not_unit(
+    py: Python<'_>,
+    directions: PyReadonlyArrayDyn<'_, f64>,
+    tolerance: f64,
+) -> PyResult<Option<usize>> {
+    let directions = elements(&directions, "directions")?;
+    Ok(py.detach(|| find(directions, tolerance)))
 }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use crate::evaluation::eval;
+    use crate::evaluation::{eval, first_not_unit};
     #[pymodule_export]
     use crate::fitting::{em, fit};
     #[pymodule_export]

@@ -1,0 +1,260 @@
+"""Which azimuthal term should a lobe carry? Fits every candidate to every material and tabulates the errors.
+
+A lobe is `expm1(kappa cos(theta_h)^gamma) (1 + beta g(theta_h, theta_d) cos(2 phi_d))`. The script tries fixed
+factors g, `cos(4 phi_d)` in place of `cos(2 phi_d)`, and gives the floors that bound them:
+
+    python benchmarks/azimuthal_forms.py forms MERL [RGL]       the forms, docs/azimuthal.md
+    python benchmarks/azimuthal_forms.py materials MERL [RGL]   one row a material, docs/tables/azimuthal.md
+
+MERL is a folder of tables in the format of the MERL database (`.binary`), RGL one of measurements of the RGL
+database (`.bsdf`, isotropic). Both print Markdown. Numbers are the relative (energy-normalised) RMS over all
+samples, slices and channels.
+
+MERL tables are collapsed as `dsbrdf.fit` does it by default: 18 slices, theta_h of a degree and more, perimeter
+masked. RGL files are evaluated at theta_d = 0, 5, ..., 85 degrees, at theta_h = i^2 / 90 degrees from one degree
+on (the lower edges of the cells of a MERL table) and every third degree of phi_d; a value is the mean over the reciprocal pair, and counts if neither of the two
+is negative and no direction is more than 80 degrees from the normal. There is no perimeter mask on them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _core, half_diff, metrics
+from dsbrdf.measured.brdf import cell_angles
+from dsbrdf.measured.merl import read_merl
+from dsbrdf.measured.rgl import read_rgl
+from dsbrdf.slices import MIN_THETA_H, SliceProfile, slice_mask, slice_rows, stack_profiles
+
+Array = NDArray[np.float64]
+Form = Callable[[Array, Array], Array]
+
+#: RGL protocol.
+RGL_THETA_D = np.deg2rad(np.arange(0.0, 90.0, 5.0))
+RGL_PHI_D = np.deg2rad(np.arange(0.0, 180.0, 3.0))
+RGL_LARGEST_THETA = np.deg2rad(80.0)
+
+
+def _saturating(p: Array, q: Array) -> Array:
+    """`p / sqrt(p^2 + q^2)`, 0 at 0."""
+    length = np.hypot(p, q)
+    return np.divide(p, length, out=np.zeros_like(length), where=length > 0.0)
+
+
+def product_form(c: float) -> Form:
+    """`p / sqrt(p^2 + (c q)^2)` of `dsbrdf.half_diff.azimuthal_factor`, with another width c."""
+    return lambda h, d: _saturating(np.sin(h) * np.sin(d), c * np.cos(h) * np.cos(d))
+
+
+#: Factors g(theta_h, theta_d) by name; a row of the table each.
+FORMS: Mapping[str, Form] = {
+    "1": lambda h, d: np.ones(np.broadcast_shapes(h.shape, d.shape)),
+    "T, c = 0.01": product_form(0.01),
+    "T, c = 0.03 (chosen)": lambda h, d: half_diff.azimuthal_factor(h, d),
+    "T, c = 0.05": product_form(0.05),
+    "T, c = 0.1": product_form(0.1),
+    "T, c = 0.3": product_form(0.3),
+    "T, c = 1": product_form(1.0),
+    "sin h / sqrt(sin^2 h + (0.03 cos h)^2)": lambda h, d: _saturating(
+        np.sin(h) + 0.0 * d, 0.03 * np.cos(h) + 0.0 * d
+    ),
+    "tanh(10 h)": lambda h, d: np.tanh(10.0 * h) + 0.0 * d,
+    "tanh(30 h)": lambda h, d: np.tanh(30.0 * h) + 0.0 * d,
+    "sin h": lambda h, d: np.sin(h) + 0.0 * d,
+    "sin^2 h": lambda h, d: np.sin(h) ** 2 + 0.0 * d,
+    "sin h sin d": lambda h, d: np.sin(h) * np.sin(d),
+    "sin^2 h sin^2 d": lambda h, d: (np.sin(h) * np.sin(d)) ** 2,
+}
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Slices of a material: values (slice, channel, theta_h, phi_d) in 1/sr, NaN where masked."""
+
+    name: str
+    theta_d: Array
+    theta_h: Array
+    phi_d: Array
+    values: Array
+
+    def moments(self, harmonic: int) -> Array:
+        """Moments (slice, channel, theta_h, 6) over phi_d, with `c = cos(harmonic phi_d)`."""
+        valid = np.isfinite(self.values)
+        f = np.where(valid, self.values, 0.0)
+        c = np.cos(harmonic * self.phi_d)
+        n = valid.astype(float)
+        return np.stack(
+            [n.sum(-1), f.sum(-1), (f * f).sum(-1), n @ c, n @ c**2, f @ c],
+            axis=-1,
+        )
+
+    def profiles(self) -> list[SliceProfile]:
+        """The slices as `dsbrdf.fit` sees them."""
+        moments = self.moments(2)
+        return [SliceProfile(float(d), self.theta_h, m) for d, m in zip(self.theta_d, moments, strict=True)]
+
+    def floor(self, harmonics: tuple[int, ...]) -> Array:
+        """Sum of squares (slice, channel) that the best harmonics at each (theta_h, theta_d) leave."""
+        valid = np.isfinite(self.values)
+        f = np.where(valid, self.values, 0.0)
+        basis = np.stack([np.cos(k * self.phi_d) for k in harmonics])
+        gram = np.einsum("schp,ip,jp->schij", valid.astype(float), basis, basis, optimize=True)
+        right = f @ basis.T
+        coefficients = (np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right[..., None])[..., 0]
+        left = np.where(valid, f - coefficients @ basis, 0.0)
+        return (left**2).sum((-2, -1))
+
+    def symmetric_floor(self) -> Array:
+        """Sum of squares (slice, channel) left by any function of theta_h, theta_d, phi_d that is reciprocal
+        and mirror-symmetric, that is, the same at phi_d and at 180 degrees less."""
+        key = np.round(np.degrees(np.minimum(self.phi_d, np.pi - self.phi_d)), 6)
+        left = np.zeros(self.values.shape[:2])
+        for angle in np.unique(key):
+            pair = self.values[..., key == angle]
+            count = np.isfinite(pair).sum(-1, keepdims=True)
+            mean = np.nansum(pair, -1, keepdims=True) / np.maximum(count, 1)
+            left += np.nansum((pair - mean) ** 2, axis=(-2, -1))
+        return left
+
+
+def merl_samples(path: Path) -> Samples:
+    """Default slices of a table in MERL format."""
+    measured = read_merl(path)
+    rows = slice_rows(len(measured.theta_d))
+    mask = slice_mask(measured, rows, MIN_THETA_H, True, 1)
+    values = np.moveaxis(measured.rows(rows), 2, 0)
+    values = np.where(mask[:, None, :, None], values, np.nan)
+    return Samples(path.stem, measured.theta_d[rows], measured.theta_h, measured.phi_d, values)
+
+
+def rgl_samples(path: Path) -> Samples:
+    """Slices of an RGL measurement, see the module's text."""
+    measured = read_rgl(path)
+    theta_h = cell_angles("edge")[0]
+    theta_h = theta_h[theta_h >= MIN_THETA_H - 1e-12]
+    wi, wo = half_diff.to_directions(theta_h[:, None], RGL_THETA_D[:, None, None], RGL_PHI_D)
+    pair = np.stack([measured.eval(wi, wo), measured.eval(wo, wi)])
+    near = np.minimum(wi[..., 2], wo[..., 2]) >= np.cos(RGL_LARGEST_THETA) - 1e-12
+    counts = near[..., None] & (pair >= 0.0).all(0)
+    values = np.moveaxis(np.where(counts, pair.mean(0), np.nan), -1, 1)
+    return Samples(path.stem.removesuffix("_rgb"), RGL_THETA_D, theta_h, RGL_PHI_D, values)
+
+
+def fit_error(samples: Samples, moments: Array, n_lobes: int, form: Form | None) -> float:
+    """Relative RMS of the joint fit with a factor g, or without the azimuthal term."""
+    theta_h = np.broadcast_to(samples.theta_h, (len(samples.theta_d), len(samples.theta_h)))
+    factor = np.zeros(theta_h.shape) if form is None else form(theta_h, samples.theta_d[:, None])
+    result = _core.fit(
+        np.ascontiguousarray(moments),
+        0.5 * np.log1p(-(np.sin(theta_h) ** 2)),
+        np.ascontiguousarray(factor),
+        n_lobes=n_lobes,
+        method="joint",
+        azimuthal=form is not None,
+        follow=True,
+        log_offset=None,
+    )
+    return float(np.sqrt(np.sum(result["objective"]) / moments[..., 2].sum()))
+
+
+def read_all(merl: Path, rgl: Path | None, every: int) -> Iterator[tuple[bool, Samples]]:
+    """Materials, and whether each is from the second folder."""
+    for path in sorted(merl.glob("*.binary"))[::every]:
+        yield False, merl_samples(path)
+    for path in sorted(rgl.glob("*.bsdf")) if rgl else []:
+        yield True, rgl_samples(path)
+
+
+def forms_of(samples: Samples, n_lobes: int) -> dict[str, float]:
+    """Errors of all forms on a material, and the floors."""
+    moments = samples.moments(2)
+    energy = moments[..., 2].sum()
+    errors = {"no term (beta = 0)": fit_error(samples, moments, n_lobes, None)}
+    for name, form in FORMS.items():
+        errors[f"g = {name}"] = fit_error(samples, moments, n_lobes, form)
+    errors["g = 1, cos 4 phi_d instead"] = fit_error(samples, samples.moments(4), n_lobes, FORMS["1"])
+    for name, harmonics in {
+        "floor: a": (0,),
+        "floor: a + b cos 2 phi_d": (0, 2),
+        "floor: a + d cos 4 phi_d": (0, 4),
+        "floor: a + b cos 2 phi_d + d cos 4 phi_d": (0, 2, 4),
+    }.items():
+        errors[name] = float(np.sqrt(samples.floor(harmonics).sum() / energy))
+    errors["floor: any function of phi_d"] = float(np.sqrt(samples.symmetric_floor().sum() / energy))
+    return errors
+
+
+def print_forms(merl: Path, rgl: Path | None, n_lobes: int, every: int) -> None:
+    """The table of forms: median and mean over the MERL tables, then each RGL file."""
+    tables: list[dict[str, float]] = []
+    measured: dict[str, dict[str, float]] = {}
+    for is_rgl, samples in read_all(merl, rgl, every):
+        errors = forms_of(samples, n_lobes)
+        if is_rgl:
+            measured[samples.name] = errors
+        else:
+            tables.append(errors)
+    print(f"K = {n_lobes}, {len(tables)} tables.\n")
+    print("| form | median | mean | worse than no term |", *(f" {name} |" for name in measured), sep="")
+    print("|---|---|---|---|" + "---|" * len(measured))
+    plain = np.array([errors["no term (beta = 0)"] for errors in tables])
+    for form in tables[0]:
+        column = np.array([errors[form] for errors in tables])
+        worse = int((column > plain * (1.0 + 1e-6)).sum())
+        cells = [f"{np.median(column):.4f}", f"{column.mean():.4f}", str(worse)]
+        cells += [f"{errors[form]:.3f}" for errors in measured.values()]
+        print(f"| {form} | {' | '.join(cells)} |")
+
+
+def print_materials(merl: Path, rgl: Path | None, every: int) -> None:
+    """One row a material: errors with and without the term for K = 2 and 3, and the floors."""
+    head = ("material", "K=2 without", "K=2 with", "K=3 without", "K=3 with", "bivariate floor")
+    head += ("monotone floor", "azimuthal floor")
+    rows: dict[bool, list[tuple[str, list[float]]]] = {False: [], True: []}
+    for is_rgl, samples in read_all(merl, rgl, every):
+        rows[is_rgl].append((samples.name, material_row(samples)))
+    for is_rgl, title in ((False, "Tables in MERL format"), (True, "RGL measurements")):
+        if rows[is_rgl]:
+            print(f"\n## {title}: {len(rows[is_rgl])}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
+            numbers = np.array([row for _, row in rows[is_rgl]])
+            print_row("**median**", np.median(numbers, axis=0))
+            print_row("**mean**", numbers.mean(0))
+            for name, row in rows[is_rgl]:
+                print_row(name, row)
+
+
+def material_row(samples: Samples) -> list[float]:
+    """Numbers of `print_materials`."""
+    moments = samples.moments(2)
+    row = [fit_error(samples, moments, k, form) for k in (2, 3) for form in (None, FORMS["T, c = 0.03 (chosen)"])]
+    zero = np.full((*moments.shape[:2], 1), 1e-12)
+    errors = metrics.fit_errors(samples.profiles(), zero, np.ones_like(zero), 0.0 * zero)
+    return [*row, errors.bivariate_floor, errors.monotone_floor, errors.azimuthal_floor]
+
+
+def print_row(name: str, numbers: Array | list[float]) -> None:
+    print(f"| {name} |", *(f" {x:.4f} |" for x in numbers), sep="")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Tables of azimuthal terms, in Markdown.")
+    parser.add_argument("table", choices=("forms", "materials"))
+    parser.add_argument("merl", type=Path, help="folder of MERL tables (.binary)")
+    parser.add_argument("rgl", type=Path, nargs="?", help="folder of RGL measurements (.bsdf)")
+    parser.add_argument("--n-lobes", type=int, default=3, help="lobes a slice and channel, for 'forms'")
+    parser.add_argument("--every", type=int, default=1, help="take every n-th MERL table only")
+    args = parser.parse_args()
+    if args.table == "forms":
+        print_forms(args.merl, args.rgl, args.n_lobes, args.every)
+    else:
+        print_materials(args.merl, args.rgl, args.every)
+
+
+if __name__ == "__main__":
+    main()
