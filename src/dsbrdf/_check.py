@@ -5,6 +5,7 @@ Each message says which argument, what is required, what came and where, and wha
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def angle(value: ArrayLike, name: str, *, high: float = np.pi / 2) -> NDArray[np
         If an entry is outside; asks whether degrees were meant.
     """
     array = np.asarray(value, dtype=np.float64)
-    slack = 1e-9
+    slack = 1e-6  # pi/2 in single precision is 4e-8 too large
     bad = ~((array >= -slack) & (array <= high + slack))
     if bad.any():
         upper = "pi/2" if high == np.pi / 2 else f"{high:g}"
@@ -88,8 +89,9 @@ def unit_vectors(value: Any, name: str) -> NDArray[np.float64]:
         where = np.unravel_index(first, array.shape[:-1])
         index = tuple(int(i) for i in where)
         place = "" if not index else f" at index {index[0] if len(index) == 1 else index}"
+        norm = math.hypot(*flat[first])
         raise ValueError(
-            f"'{name}' must be unit vectors on the last axis, got norm {np.linalg.norm(flat[first]):.6g}{place}. "
+            f"'{name}' must be unit vectors on the last axis, got norm {norm:.6g}{place}. "
             f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
         )
     return array

@@ -64,8 +64,8 @@ class FitErrors:
     @property
     def slice_rel_rms(self) -> NDArray[np.float64]:
         """Relative RMS of each slice and channel, (theta_d, channel); NaN where there is no energy."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.sqrt(self.squares / self.energy)
+        nothing = np.full_like(self.energy, np.nan)
+        return np.sqrt(np.divide(self.squares, self.energy, out=nothing, where=self.energy > 0.0))
 
 
 def _relative(squares: float, energy: float) -> float:
@@ -116,7 +116,9 @@ def fit_errors(
     slope = np.divide(cov, var_c, out=np.zeros_like(cov), where=var_c > 1e-12 * n)
     off_cosine = np.maximum(var_f - slope * cov, 0.0)
 
-    a, b = profile_model(theta_h, theta_d, kappa, gamma, beta)
+    # Where there is no sample a lobe may be high beyond measure: do not look
+    looked_at = np.where(n.any(1), theta_h, np.pi / 2)
+    a, b = profile_model(looked_at, theta_d, kappa, gamma, beta)
     of_mean = n * (a + mean_c * b - mean) ** 2
     squares = of_mean + var_c * (b - slope) ** 2 + off_cosine
     isotonic = np.zeros(n.shape[:2])
@@ -157,7 +159,7 @@ def log_rms(
         f = measured.rows([int(row)])[:, mask[i], 0]
         model = a[i][:, mask[i], None] + b[i][:, mask[i], None] * cos_2phi
         ratio = (model + LOG_OFFSET) / (f + LOG_OFFSET)
-        ratio = ratio[np.isfinite(ratio)]
+        ratio = ratio[np.isfinite(f)]
         total += float((np.log(ratio) ** 2).sum())
         count += ratio.size
     return float(np.sqrt(total / count)) if count else float("nan")

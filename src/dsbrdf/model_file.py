@@ -42,10 +42,17 @@ def save(model: DSBRDF, path: str | Path) -> None:
         **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in PARAMETERS},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
-        "errors": dict(model.errors),
+        "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
     }
     with _files.aside(path) as part:
-        part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(content, indent=1, default=_plain) + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """A number or array of NumPy as one of Python."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} does not fit into JSON")
 
 
 def load(path: str | Path) -> DSBRDF:
@@ -64,7 +71,8 @@ def load(path: str | Path) -> DSBRDF:
         raise ModelFormatError(f"{path}: not a model file: {size:,} bytes are more than any model has.")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    # A ValueError also comes of a number with thousands of digits
+    except (ValueError, RecursionError) as error:
         raise ModelFormatError(f"{path}: not a model file: not JSON ({error}).") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ModelFormatError(f'{path}: not a model file: expected "format": "{FORMAT}".')
@@ -73,16 +81,19 @@ def load(path: str | Path) -> DSBRDF:
         raise ModelFormatError(
             f"{path}: schema {schema!r} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
         )
-    source = content.get("source") or {}
+    source, options, errors = (content.get(key) or {} for key in ("source", "fit", "errors"))
+    for key, value in (("source", source), ("fit", options), ("errors", errors)):
+        if not isinstance(value, dict):
+            raise ModelFormatError(f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.')
     try:
         return DSBRDF(
             **{key: np.array(content[key], dtype=np.float64) for key in PARAMETERS},
-            name=str(content.get("name", "")),
+            name=str(content.get("name") or ""),
             source=Source(description=str(source.get("description", "")), recorded=source),
-            fit_options=dict(content.get("fit") or {}),
-            errors=dict(content.get("errors") or {}),
+            fit_options=options,
+            errors={key: np.nan if value is None else float(value) for key, value in errors.items()},
         )
     except KeyError as error:
         raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None
-    except (TypeError, ValueError, OverflowError, AttributeError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ModelFormatError(f"{path}: not a sound model: {error}") from None

@@ -121,7 +121,8 @@ def slice_profiles(
     min_theta_h = float(_check.angle(min_theta_h, "min_theta_h"))
     rows = slice_rows(len(measured.theta_d), n_slices)
     moments = measured.moments(rows)
-    moments *= slice_mask(measured, rows, min_theta_h, perimeter_mask, theta_h_step)[:, None, :, None]
+    kept = slice_mask(measured, rows, min_theta_h, perimeter_mask, theta_h_step)
+    moments.swapaxes(1, 2)[~kept] = 0.0
     return [SliceProfile(float(measured.theta_d[row]), measured.theta_h, m) for row, m in zip(rows, moments)]
 
 
@@ -162,12 +163,20 @@ def gather_profile(
     ValueError
         If shapes disagree or an angle is out of range.
     """
+    theta_d = float(_check.angle(theta_d, "theta_d"))
     theta_h = _check.angle(theta_h, "theta_h")
+    if theta_h.ndim != 1:
+        raise ValueError(f"'theta_h' must have shape (sample,), got {theta_h.shape}.")
+    n = theta_h.size
     values = np.asarray(values, dtype=np.float64)
-    if values.ndim != 2 or len(values) != theta_h.size:
-        raise ValueError(f"'values' must have shape ({theta_h.size}, channel), got {values.shape}.")
-    weight = np.ones(theta_h.size) if weights is None else _check.finite(weights, "weights", low=0.0)
-    c = np.cos(2.0 * _check.finite(phi_d, "phi_d"))
+    if values.ndim != 2 or len(values) != n:
+        raise ValueError(f"'values' must have shape ({n}, channel), got {values.shape}.")
+    phi_d = _check.finite(phi_d, "phi_d")
+    weight = np.ones(n) if weights is None else _check.finite(weights, "weights", low=0.0)
+    for name, array in (("phi_d", phi_d), ("weights", weight)):
+        if array.shape != (n,):
+            raise ValueError(f"'{name}' must have shape ({n},) like 'theta_h', got {array.shape}.")
+    c = np.cos(2.0 * phi_d)
     nodes, index = np.unique(theta_h, return_inverse=True)
     valid = np.isfinite(values)
     f = np.where(valid, values, 0.0)
@@ -176,7 +185,7 @@ def gather_profile(
     terms = np.stack([w, w * f, w * f * f, w * c, w * c * c, w * f * c], axis=-1)
     moments = np.zeros((len(nodes), *terms.shape[1:]))
     np.add.at(moments, index, terms)
-    return SliceProfile(float(theta_d), nodes, np.ascontiguousarray(moments.swapaxes(0, 1)))
+    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)))
 
 
 def stack_profiles(

@@ -61,12 +61,12 @@ pub struct SliceFit {
 
 /// The joint fit's stopping rule while candidates are compared.
 fn scout(slice: &Slice) -> Stop {
-    Stop { max_iterations: 100, cost: 1e-4, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 40, cost: 3e-2, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
 }
 
 /// The stopping rule of the joint fit that ends in the model.
 fn finish(slice: &Slice) -> Stop {
-    Stop { max_iterations: 500, cost: 1e-10, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 500, cost: 1e-5, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
 }
 
 /// Fits slices given theta_d by theta_d, `n_channels` after one another.

@@ -14,7 +14,8 @@ pub trait LeastSquares {
 #[derive(Clone, Copy, Debug)]
 pub struct Stop {
     pub max_iterations: usize,
-    /// Decrease of the cost, actual and predicted, relative to cost and floor together.
+    /// Decrease of the cost over [`WINDOW`] iterations, relative to cost and floor together. A thousandth of it
+    /// is enough in a single step, predicted and actual.
     pub cost: f64,
     /// What is left at best, and not part of the cost.
     pub floor: f64,
@@ -29,6 +30,8 @@ pub struct Minimum {
     pub converged: bool,
 }
 
+/// Iterations over which a slow descent is judged.
+const WINDOW: usize = 8;
 /// Steps rejected in a row before the damping is taken to mean that no descent is left.
 const MAX_REJECTED: usize = 40;
 
@@ -46,6 +49,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
     problem.linearise(&mut hessian, &mut gradient);
     let (mut damping, mut growth) = (1e-3, 2.0);
     let mut rejected = 0;
+    let mut milestone = cost;
     for iteration in 0..stop.max_iterations {
         if cost <= stop.zero {
             return Minimum { cost, iterations: iteration, converged: true };
@@ -72,9 +76,14 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
         let actual = cost - new_cost;
         if actual > 0.0 && new_cost.is_finite() {
             x.copy_from_slice(&trial);
-            let small = actual.max(predicted) <= stop.cost * (cost + stop.floor);
+            let tiny = actual.max(predicted) <= 1e-3 * stop.cost * (cost + stop.floor);
             cost = new_cost;
-            if small {
+            let judge = (iteration + 1) % WINDOW == 0;
+            let slow = judge && milestone - cost <= stop.cost * (cost + stop.floor);
+            if judge {
+                milestone = cost;
+            }
+            if tiny || slow {
                 return Minimum { cost, iterations: iteration + 1, converged: true };
             }
             problem.linearise(&mut hessian, &mut gradient);

@@ -31,8 +31,11 @@ class Source:
 
     @cached_property
     def sha256(self) -> str | None:
-        """SHA-256 of the file, None if there is none."""
-        return None if self.file is None else _files.sha256(self.file)
+        """SHA-256 of the file, None if there is none, or none any more."""
+        try:
+            return None if self.file is None else _files.sha256(self.file)
+        except FileNotFoundError:
+            return None
 
     def to_json(self) -> dict[str, Any]:
         """Name and hash of the file, without its folder; what was recorded, if it comes from a model file."""
@@ -61,6 +64,11 @@ class MeasuredBRDF:
     convention : {"centre", "edge"}
         Which point of its cell a value belongs to.
     source : Source
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree.
     """
 
     name: str
@@ -71,6 +79,20 @@ class MeasuredBRDF:
     phi_d: NDArray[np.float64]
     convention: str = "centre"
     source: Source = Source()
+
+    def __post_init__(self) -> None:
+        # The kernel reads bytes: another type or order is copied here, a mapped file is not
+        planes = np.ascontiguousarray(self.planes, dtype="<f8")
+        object.__setattr__(self, "planes", planes)
+        if planes.ndim != 4:
+            raise ValueError(f"'planes' must be (channel, theta_h, theta_d, phi_d), got shape {planes.shape}.")
+        for name, n in zip(("scale", "theta_h", "theta_d", "phi_d"), planes.shape, strict=True):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != (n,):
+                raise ValueError(
+                    f"'{name}' must have shape ({n},) for 'planes' of shape {planes.shape}, got {array.shape}."
+                )
+            object.__setattr__(self, name, array)
 
     @property
     def n_channels(self) -> int:
@@ -163,6 +185,11 @@ def tabulate(
     -------
     MeasuredBRDF
         Entries with a direction below the horizon are invalid.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range, or `reflectance` returns another shape.
     """
     theta_h, theta_d, phi_d = cell_angles(convention, shape)
     planes: NDArray[np.float64] | None = None
@@ -170,6 +197,9 @@ def tabulate(
     for i, theta in enumerate(theta_h):
         wi, wo = half_diff.to_directions(theta, theta_d[:, None], phi_d)
         values = np.array(reflectance(wi, wo), dtype=np.float64)
+        if values.shape[:-1] != wi.shape[:-1]:
+            need = ", ".join(map(str, wi.shape[:-1]))
+            raise ValueError(f"'reflectance' must return shape ({need}, channel), got {values.shape}.")
         values[(wi[..., 2] <= 0.0) | (wo[..., 2] <= 0.0)] = -1.0
         if planes is None:
             planes = np.empty((values.shape[-1], *shape))

@@ -60,10 +60,10 @@ def read_merl(path: str | Path, *, convention: str = "centre", name: str | None 
         If the file cannot be read.
     """
     path = Path(path)
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise MerlFormatError(f"{path}: not a MERL file: it is not a regular file.")
     with path.open("rb") as file:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise MerlFormatError(f"{path}: not a MERL file: it is not a regular file.")
         shape = np.frombuffer(file.read(12), HEADER) if status.st_size >= 12 else None
     if shape is None:
         raise MerlFormatError(

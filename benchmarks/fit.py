@@ -1,0 +1,131 @@
+"""How long a fit takes, as ratios against things run beside it.
+
+    python benchmarks/fit.py DIR        DIR holds MERL `.binary` files
+    python benchmarks/fit.py            built-in materials, written to a temporary folder
+
+Prints medians over rounds of:
+
+- all files, K = 3, with and without the azimuthal term, against `numpy.fromfile` of the same files;
+- one file as a whole process (import included) and its peak memory;
+- a slice against `scipy.optimize.least_squares` on the uncollapsed samples, same start and unknowns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import dsbrdf
+from dsbrdf import materials
+from dsbrdf.fit import fit_profiles
+
+N_LOBES = 3
+ONE_FILE = """
+import dsbrdf, pathlib, sys
+dsbrdf.fit(dsbrdf.read(sys.argv[1]), 3)
+status = pathlib.Path("/proc/self/status")
+lines = status.read_text().splitlines() if status.exists() else []
+print(next((line.split()[1] for line in lines if line.startswith("VmHWM")), "nan"))
+"""
+
+
+def seconds(work) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def read_all(files: list[Path]) -> None:
+    for file in files:
+        np.fromfile(file)
+
+
+def fit_all(files: list[Path], **options) -> None:
+    for file in files:
+        dsbrdf.fit(dsbrdf.read(file), N_LOBES, **options)
+
+
+def whole_files(files: list[Path], rounds: int) -> None:
+    jobs = {
+        "numpy.fromfile": lambda: read_all(files),
+        "fit, paper's model": lambda: fit_all(files, azimuthal=False),
+        "fit, azimuthal": lambda: fit_all(files),
+    }
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(rounds + 1):
+        for name, job in jobs.items():
+            times[name].append(seconds(job))
+    base = times["numpy.fromfile"][1:]
+    print(f"\n{len(files)} files, K = {N_LOBES}, {os.cpu_count()} cores, median of {rounds} rounds")
+    for name, all_times in times.items():
+        warm = all_times[1:]
+        ratio = statistics.median(t / b for t, b in zip(warm, base, strict=True))
+        print(f"  {name:22s} {statistics.median(warm):7.3f} s   {ratio:5.2f} x fromfile")
+
+
+def one_process(file: Path, rounds: int) -> None:
+    walls, peaks = [], []
+    command = [sys.executable, "-W", "ignore", "-c", ONE_FILE, str(file)]
+    for _ in range(rounds):
+        start = time.perf_counter()
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        walls.append(time.perf_counter() - start)
+        peaks.append(float(done.stdout) / 1024)
+    print(f"\none file, whole process: {statistics.median(walls):.3f} s, peak {max(peaks):.0f} MB")
+
+
+def against_scipy(file: Path, rounds: int) -> None:
+    from scipy.optimize import least_squares
+
+    measured = dsbrdf.read(file)
+    profiles = dsbrdf.slice_profiles(measured)
+    theta_h = np.repeat(measured.theta_h[:, None], len(measured.phi_d), axis=1)
+    row, channel = 40, 1
+    values = measured.rows([row])[channel, :, 0]
+    keep = np.isfinite(values) & (theta_h >= np.deg2rad(1)) & (theta_h < np.pi / 2 - measured.theta_d[row])
+    y, log_cos = values[keep], np.log(np.cos(theta_h[keep]))
+    start = np.log([[np.log1p(y.max()) / 2**k, 100 / 2**k] for k in range(N_LOBES)]).ravel()
+
+    def residual(x):
+        kappa, gamma = np.exp(x.reshape(-1, 2).T)
+        return np.expm1(kappa * np.exp(gamma * log_cos[:, None])).sum(1) - y
+
+    ours, theirs = [], []
+    for _ in range(rounds):
+        n = 54  # slices and channels that one call of the kernel fits
+        one = seconds(lambda: fit_profiles(profiles, N_LOBES, azimuthal=False)) / n
+        ours.append(one)
+        theirs.append(seconds(lambda: least_squares(residual, start, method="trf", x_scale="jac")))
+    ratio = statistics.median(t / o for t, o in zip(theirs, ours, strict=True))
+    print(f"\none slice: {statistics.median(ours) * 1e6:.0f} us, {ratio:,.0f} times faster than SciPy's")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path)
+    parser.add_argument("--rounds", type=int, default=5)
+    args = parser.parse_args()
+    warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+    with tempfile.TemporaryDirectory() as made:
+        folder = args.folder
+        if folder is None:
+            folder = Path(made)
+            for name in materials.names():
+                dsbrdf.write_merl(dsbrdf.material(name), folder / f"{name}.binary")
+        files = sorted(folder.glob("*.binary"))
+        whole_files(files, args.rounds)
+        one_process(files[0], args.rounds)
+        against_scipy(files[0], args.rounds)
+
+
+if __name__ == "__main__":
+    main()

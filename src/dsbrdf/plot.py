@@ -1,0 +1,474 @@
+"""Figures of fits: measured points against fitted curves, lobes, parameters, and spheres (Figs. 2, 3 and 7).
+
+Every function returns a `matplotlib.figure.Figure`; `write_figure` writes one. Needs the extra `[plot]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _files, half_diff
+
+try:
+    import matplotlib
+    from matplotlib.figure import Figure
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        'dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"', name="matplotlib"
+    ) from error
+
+if TYPE_CHECKING:
+    from dsbrdf.fit import Fit
+    from dsbrdf.measured.brdf import MeasuredBRDF
+    from dsbrdf.model import DSBRDF
+
+__all__ = [
+    "demo_figure",
+    "fit_figure",
+    "incident_plane",
+    "parameter_figure",
+    "shade_sphere",
+    "write_figure",
+]
+
+Array = NDArray[np.float64]
+
+#: Of red, green and blue: apart in lightness too, for readers who see few colours.
+CHANNEL_COLOURS = ("#d7263d", "#2a9d4a", "#1d3f9c")
+#: Of lobes, from the set of Okabe and Ito (2008).
+LOBE_COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#d55e00", "#0072b2")
+LOBE_MARKERS = ("o", "s", "^", "D", "v", "*")
+LOBE_DASHES = ("--", "-.", (0, (1, 1.2)), (0, (5, 1, 1, 1, 1, 1)))
+INK, GREY, PALE = "#222222", "#8a8a8a", "#efefef"
+STYLE = {
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "font.size": 9,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+}
+#: Ticks in degrees of an axis on a square-root scale.
+ROOT_TICKS = (-90, -60, -30, -10, 0, 10, 30, 60, 90)
+#: Slices that are shown, radians; the nearest fitted ones are taken.
+SHOWN_THETA_D = tuple(np.deg2rad([0.0, 40.0, 70.0]))
+DPI = 150
+#: Lights of the spheres: direction toward the light (x right, y up, z toward the viewer) and radiance times solid angle.
+LIGHTS = (((-0.5, 0.5, 0.7071), 1.0), ((0.8, -0.2, 0.5657), 0.15))
+#: Mean radiance of a measured sphere in its picture, before gamma.
+EXPOSURE = 0.22
+STRIP_THETA_D = float(np.deg2rad(40.0))
+STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
+CAPTION = (
+    "Spheres: distant light at 45° above left, another of 0.15 times its strength from the right; one exposure a "
+    "row, gamma 2.2.\n"
+    r"Curves: squares measured, lines fitted, left half $\phi_d$ = 90°, right half $\phi_d$ = 0°, shaded: not fitted. "
+    r"Floors: least error of a function of ($\theta_h$, $\theta_d$),"
+    "\n"
+    r"and of one that falls with $\theta_h$. Scale of $\theta_h$: square root, in degrees."
+)
+
+
+def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
+    """Write a figure, in the format of the ending of `path`; it is written aside and renamed.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; then nothing is left of it.
+    """
+    path = Path(path)
+    with _files.aside(path) as part, matplotlib.rc_context(STYLE):
+        figure.savefig(part, format=path.suffix[1:], dpi=dpi)
+
+
+def incident_plane(measured: MeasuredBRDF, row: int) -> tuple[Array, Array]:
+    """Profile of a theta_d row across the plane of incidence.
+
+    Parameters
+    ----------
+    measured : MeasuredBRDF
+    row : int
+        Which theta_d of the table.
+
+    Returns
+    -------
+    theta_h : (2 theta_h,) ndarray, radians in [-pi/2, pi/2]
+        Positive in the plane phi_d = 0, negative in the plane phi_d = pi/2.
+    values : (channel, 2 theta_h) ndarray, 1/sr
+        Mean over the cells nearest to the plane; NaN where invalid.
+    """
+    rows = measured.rows([row])[:, :, 0]
+    across, along = (_nearest_phi(rows, measured.phi_d, phi) for phi in (np.pi / 2, 0.0))
+    theta_h = np.concatenate([-measured.theta_h[::-1], measured.theta_h])
+    return theta_h, np.concatenate([across[:, ::-1], along], axis=1)
+
+
+def _nearest_phi(values: Array, phi_d: Array, phi: float) -> Array:
+    """Mean (channel, theta_h) over the phi_d nearest to `phi`, of which phi_d + pi is an image."""
+    distance = np.abs((phi_d - phi + np.pi / 2) % np.pi - np.pi / 2)
+    near = values[:, :, distance <= distance.min() + 1e-9]
+    count = np.isfinite(near).sum(-1)
+    total = np.nansum(near, axis=-1)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A slice across the plane of incidence: `theta_h` in degrees, negative in the plane phi_d = 90 degrees."""
+
+    theta_d: float
+    theta_h: Array
+    values: Array
+    curve_at: Array
+    curves: Array
+    lobes: list[Array]
+
+
+def _plane(fit: Fit, row: int, n: int = 301) -> _Plane:
+    theta_d = float(fit.measured.theta_d[row])
+    theta_h, values = incident_plane(fit.measured, row)
+    curve_at = np.pi / 2 * np.linspace(0.0, 1.0, n) ** 2
+    lobes = [_curve(fit.model.lobe(k), curve_at, theta_d) for k in range(fit.model.n_lobes)]
+    both = np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
+    return _Plane(theta_d, np.rad2deg(theta_h), values, both, np.sum(lobes, axis=0), lobes)
+
+
+def _curve(model: DSBRDF, theta_h: Array, theta_d: float) -> Array:
+    """Values (channel, 2 theta_h) of a model as in `incident_plane`; NaN below the horizon."""
+    across, along = (np.asarray(model.eval_angles(theta_h, theta_d, phi)).T for phi in (np.pi / 2, 0.0))
+    along = np.where(theta_h + theta_d < np.pi / 2, along, np.nan)
+    return np.concatenate([across[:, ::-1], along], axis=1)
+
+
+def _shown_rows(fit: Fit, theta_d: Sequence[float]) -> list[int]:
+    """The table's rows of the fitted slices nearest to `theta_d`, each once."""
+    angles = fit.model.theta_d
+    nearest = [angles[np.abs(angles - angle).argmin()] for angle in theta_d]
+    return list(dict.fromkeys(int(np.abs(fit.measured.theta_d - angle).argmin()) for angle in nearest))
+
+
+def _channels(n: int) -> list[tuple[str, Any]]:
+    """Name and colour of each channel."""
+    if n == 3:
+        return list(zip(("red", "green", "blue"), CHANNEL_COLOURS, strict=True))
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, n))
+    return [(f"channel {i}", colour) for i, colour in enumerate(colours)]
+
+
+def _root_axis(axes: Any, ticks: Sequence[int] = ROOT_TICKS) -> None:
+    """Degrees from -90 to 90 on a square-root scale: narrow peaks get room."""
+    axes.set_xscale(
+        "function",
+        functions=(lambda x: np.sign(x) * np.sqrt(np.abs(x)), lambda x: np.sign(x) * x**2),
+    )
+    axes.set_xlim(-90.0, 90.0)
+    axes.set_xticks(ticks, [f"{abs(tick)}" for tick in ticks])
+
+
+def _decades(axes: Any, values: Array) -> None:
+    """Logarithmic y axis that holds `values`, five decades below their largest at most."""
+    positive = values[values > 0.0]
+    if positive.size:
+        top = float(positive.max())
+        axes.set_yscale("log")
+        axes.set_ylim(max(0.6 * float(positive.min()), 1e-5 * top), 1.8 * top)
+
+
+def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: int | None = None) -> Figure:
+    """Measured points and fitted curves across the plane of incidence, and the lobes, as in Figs. 2 and 3.
+
+    Parameters
+    ----------
+    fit : Fit
+    theta_d : sequence of float, radians, optional
+        One column each, of the fitted slice nearest to it.
+    channel : int, optional
+        The one whose lobes are shown; the brightest by default.
+
+    Returns
+    -------
+    Figure
+        Rows: all channels on a linear and on a logarithmic axis; the lobes of one channel.
+    """
+    rows = _shown_rows(fit, theta_d)
+    chosen = int(fit.errors.energy.sum(0).argmax()) if channel is None else channel
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(3.2 * len(rows) + 1.9, 8.0), layout="constrained")
+        grid = figure.subplots(3, len(rows), squeeze=False)
+        for column, row in zip(grid.T, rows, strict=True):
+            plane = _plane(fit, row)
+            _draw_channels(column[0], plane)
+            _draw_channels(column[1], plane)
+            _draw_lobes(column[2], plane, chosen)
+            _finish_column(column, fit, plane)
+        labels = ("linear", "logarithmic", f"lobes of {_channels(fit.model.n_channels)[chosen][0]}")
+        for axes, label in zip(grid[:, 0], labels, strict=True):
+            axes.set_ylabel(f"BRDF (1/sr), {label}")
+        for axes in grid[(0, 2), -1]:
+            axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+        figure.supxlabel(
+            r"$\theta_h$ (degrees, square-root scale); left half $\phi_d$ = 90°, right half $\phi_d$ = 0°; "
+            "shaded: not fitted",
+            fontsize=9,
+        )
+        figure.suptitle(_headline(fit), fontsize=10)
+    return figure
+
+
+def _headline(fit: Fit) -> str:
+    errors = fit.errors
+    floors = [
+        f"{name} {100 * getattr(errors, f'{name}_floor'):.2f} %"
+        for name in ("bivariate", "monotone", "azimuthal")
+    ]
+    return (
+        f"{fit.model.name}: {fit.model.n_lobes} lobes, relative RMS error {100 * errors.rel_rms:.2f} %\n"
+        f"floors: {', '.join(floors)}"
+    )
+
+
+def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
+    for (name, colour), value, curve in zip(
+        _channels(len(plane.values)), plane.values, plane.curves, strict=True
+    ):
+        axes.plot(plane.curve_at, curve, color=colour, label=f"{name}, fitted", zorder=3)
+        axes.plot(plane.theta_h[::3], value[::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2)
+    axes.plot([], [], "s", ms=size, mfc="white", mec=GREY, mew=0.8, label="measured")
+
+
+def _draw_lobes(axes: Any, plane: _Plane, channel: int) -> None:
+    axes.plot(plane.theta_h[::3], plane.values[channel, ::3], "o", ms=2.8, color=GREY, label="measured")
+    axes.plot(plane.curve_at, plane.curves[channel], color="black", label="sum of lobes", zorder=3)
+    for k, lobe in enumerate(plane.lobes):
+        axes.plot(
+            plane.curve_at,
+            lobe[channel],
+            color=LOBE_COLOURS[k % len(LOBE_COLOURS)],
+            ls=LOBE_DASHES[k % len(LOBE_DASHES)],
+            lw=2.0,
+            label=f"lobe {k}",
+            zorder=4,
+        )
+
+
+def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
+    top = np.nanmax(plane.values) if np.isfinite(plane.values).any() else 1.0
+    column[0].set_title(rf"$\theta_d$ = {np.rad2deg(plane.theta_d):.1f}°")
+    column[0].set_ylim(0.0, 1.08 * top)
+    _decades(column[1], plane.values)
+    column[2].set_yscale(column[1].get_yscale())
+    column[2].set_ylim(column[1].get_ylim())
+    for axes in column:
+        _root_axis(axes)
+        _shade_unfitted(axes, fit, plane.theta_d)
+        axes.grid(True)
+    for axes in column[:2]:
+        axes.tick_params(labelbottom=False)
+
+
+def _shade_unfitted(axes: Any, fit: Fit, theta_d: float) -> None:
+    low = float(np.rad2deg(fit.options["min_theta_h"]))
+    axes.axvspan(-low, low, color=PALE, lw=0, zorder=0)
+    if fit.options["perimeter_mask"]:
+        limit = 90.0 - float(np.rad2deg(theta_d))
+        for side in (-1, 1):
+            axes.axvspan(side * limit, side * 90.0, color=PALE, lw=0, zorder=0)
+
+
+def parameter_figure(model: DSBRDF) -> Figure:
+    """Kappa, gamma and beta of each lobe over theta_d, one column a channel."""
+    n = model.n_channels
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(3.1 * n + 0.6, 6.6), layout="constrained")
+        grid = figure.subplots(3, n, squeeze=False, sharex=True, sharey="row")
+        for row, symbol in zip(grid, ("kappa", "gamma", "beta"), strict=True):
+            values = np.asarray(getattr(model, symbol))
+            for c, axes in enumerate(row):
+                _draw_parameters(axes, np.rad2deg(model.theta_d), values[:, c])
+            row[0].set_ylabel(rf"$\{symbol}$")
+            _parameter_axis(row[0], symbol, values)
+        for axes, (name, colour) in zip(grid[0], _channels(n), strict=True):
+            axes.set_title(name, color=colour)
+        for axes in grid[-1]:
+            axes.set_xlabel(r"$\theta_d$ (degrees)")
+        grid[0, -1].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+        figure.suptitle(f"{model.name}: parameters of the lobes", fontsize=10)
+    return figure
+
+
+def _draw_parameters(axes: Any, theta_d: Array, values: Array) -> None:
+    for k, curve in enumerate(values.T):
+        colour, marker = LOBE_COLOURS[k % len(LOBE_COLOURS)], LOBE_MARKERS[k % len(LOBE_MARKERS)]
+        axes.plot(theta_d, curve, marker=marker, ms=4.0, color=colour, label=f"lobe {k}")
+    axes.set_xlim(0.0, 90.0)
+    axes.set_xticks(range(0, 91, 15))
+    axes.grid(True)
+
+
+def _parameter_axis(axes: Any, symbol: str, values: Array) -> None:
+    top = float(values.max())
+    if symbol == "kappa":
+        axes.set_yscale("log")
+        axes.set_ylim(max(0.7 * float(values.min()), 1e-6 * top), 1.5 * top)
+    elif symbol == "gamma":
+        axes.set_yscale("symlog", linthresh=1.0)
+        axes.set_yticks([0, 1, *(10**i for i in range(1, 8) if 10**i <= top)])
+        axes.set_ylim(-0.1, 1.5 * max(top, 1.0))
+    else:
+        axes.set_ylim(-1.08, 1.08)
+
+
+def shade_sphere(reflectance: Any, n_pixels: int = 128) -> Array:
+    """Radiance of a sphere seen from afar, under two distant lights.
+
+    Parameters
+    ----------
+    reflectance : DSBRDF or MeasuredBRDF
+        Of a table, the cell that holds the angles is taken.
+    n_pixels : int, optional
+        Width and height.
+
+    Returns
+    -------
+    (n_pixels, n_pixels, channel) ndarray
+        Zero outside the sphere. The main light comes from 45 degrees, above on the left, and the other, of 0.15
+        times its strength, from the right.
+    """
+    at = (np.arange(n_pixels) + 0.5) * 2.0 / n_pixels - 1.0
+    x, y = np.meshgrid(at, -at)
+    inside = x * x + y * y < 1.0
+    normal = np.stack([x[inside], y[inside], np.sqrt(1.0 - x[inside] ** 2 - y[inside] ** 2)], axis=-1)
+    viewer = np.array([0.0, 0.0, 1.0])
+    image = np.zeros((n_pixels, n_pixels, reflectance.n_channels))
+    for direction, strength in LIGHTS:
+        light = np.array(direction) / np.linalg.norm(direction)
+        cosine = np.maximum(normal @ light, 0.0)
+        wi, wo = _local(normal, light), _local(normal, viewer)
+        value = reflectance.eval(wi, wo) if hasattr(reflectance, "eval") else _look_up(reflectance, wi, wo)
+        image[inside] += strength * cosine[:, None] * value
+    return image
+
+
+def _local(normal: Array, direction: Array) -> Array:
+    """A direction in frames (..., 3) whose z is `normal` and whose x lies in the plane of `normal` and the viewer."""
+    tangent = np.stack([normal[:, 2], np.zeros(len(normal)), -normal[:, 0]], axis=-1)
+    tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
+    bitangent = np.cross(normal, tangent)
+    return np.stack([tangent @ direction, bitangent @ direction, normal @ direction], axis=-1)
+
+
+def _look_up(measured: MeasuredBRDF, wi: Array, wo: Array) -> Array:
+    """Values (..., channel) of the cells that hold pairs of directions; zero where invalid."""
+    theta_h, theta_d, phi_d = half_diff.from_directions(wi, wo)
+    n_h, n_d, n_phi = measured.planes.shape[1:]
+    i = np.minimum(np.sqrt(theta_h / (np.pi / 2)) * n_h, n_h - 1).astype(int)
+    j = np.minimum(theta_d / (np.pi / 2) * n_d, n_d - 1).astype(int)
+    k = np.minimum(phi_d % np.pi / np.pi * n_phi, n_phi - 1).astype(int)
+    values = measured.planes[:, i, j, k].T
+    return np.where((values >= 0.0) & (values < np.inf), values, 0.0) * measured.scale
+
+
+def _picture(radiance: Array, exposure: float) -> Array:
+    """RGBA (n, n, 4) of a sphere at a given exposure, gamma 2.2, clear outside."""
+    n = len(radiance)
+    colour = radiance if radiance.shape[-1] == 3 else np.repeat(radiance.mean(-1, keepdims=True), 3, axis=-1)
+    at = (np.arange(n) + 0.5) * 2.0 / n - 1.0
+    radius = np.hypot(*np.meshgrid(at, at))
+    cover = np.clip((1.0 - radius) * n / 2, 0.0, 1.0)
+    return np.concatenate([np.clip(exposure * colour, 0.0, 1.0) ** (1 / 2.2), cover[..., None]], axis=-1)
+
+
+def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
+    """Materials at a glance: spheres measured, fitted and by lobe (as in Fig. 7), and one slice of each.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        One row each.
+    n_pixels : int, optional
+        Width of a sphere.
+    """
+    n_lobes = max(fit.model.n_lobes for fit in fits)
+    widths = [1.32, *[1.0] * (2 + n_lobes), 0.4, 2.2]
+    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 0.98
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width, height))
+        grid = figure.add_gridspec(
+            len(fits),
+            len(widths),
+            width_ratios=widths,
+            left=0.012,
+            right=0.988,
+            top=1.0 - 0.3 / height,
+            bottom=0.68 / height,
+            wspace=0.04,
+            hspace=0.07,
+        )
+        for row, fit in enumerate(fits):
+            _label(figure.add_subplot(grid[row, 0]), fit)
+            _draw_spheres([figure.add_subplot(grid[row, 1 + i]) for i in range(2 + n_lobes)], fit, n_pixels)
+            _draw_strip(figure.add_subplot(grid[row, -1]), fit, last=row == len(fits) - 1)
+        headers = ["measured", "fitted", *(f"lobe {k}" for k in range(n_lobes)), "", STRIP_TITLE]
+        for i, header in enumerate(headers, start=1):
+            box = grid[0, i].get_position(figure)
+            figure.text((box.x0 + box.x1) / 2, 1.0 - 0.22 / height, header, ha="center", fontsize=9)
+        figure.text(0.012, 0.1 / height, CAPTION, fontsize=7.5, linespacing=1.4)
+    return figure
+
+
+def _label(axes: Any, fit: Fit) -> None:
+    errors = fit.errors
+    axes.axis("off")
+    axes.text(0.0, 0.6, fit.model.name, weight="bold", fontsize=8.5)
+    axes.text(
+        0.0,
+        0.5,
+        f"error {100 * errors.rel_rms:.2f} %\n"
+        f"floors {100 * errors.bivariate_floor:.2f}, {100 * errors.monotone_floor:.2f} %",
+        fontsize=7.5,
+        va="top",
+        linespacing=1.4,
+    )
+
+
+def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
+    for axes in row:
+        axes.axis("off")
+    measured = shade_sphere(fit.measured, n_pixels)
+    lobes = [shade_sphere(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
+    brightest = measured.max(-1)
+    exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
+    for axes, radiance in zip(row, [measured, np.sum(lobes, axis=0), *lobes], strict=False):
+        axes.imshow(_picture(radiance, exposure), interpolation="antialiased")
+
+
+def _draw_strip(axes: Any, fit: Fit, *, last: bool) -> None:
+    (row,) = _shown_rows(fit, [STRIP_THETA_D])
+    plane = _plane(fit, row)
+    _draw_channels(axes, plane, size=2.8)
+    _decades(axes, plane.values)
+    _root_axis(axes, (-90, -30, -10, 0, 10, 30, 90))
+    _shade_unfitted(axes, fit, plane.theta_d)
+    axes.grid(True)
+    axes.tick_params(labelsize=7.5, labelbottom=last)

@@ -1,0 +1,105 @@
+"""Shared fixtures: random numbers, small tables, a file in the layout of MERL, and the folder of measured data."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsbrdf import tabulate
+
+SMALL = (12, 18, 20)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20110101)
+
+
+def closed_form(n_channels):
+    """A cheap reflectance that varies with all three angles: a base, a lobe that is stretched over phi_d, a rim."""
+    channel = np.arange(n_channels)
+
+    def reflectance(wi, wo):
+        half = wi + wo
+        squared = np.maximum((half**2).sum(-1), 1e-30)
+        tan2 = (half[..., 0] ** 2 + half[..., 1] ** 2) / np.maximum(half[..., 2] ** 2, 1e-30)
+        away = (wi - wo)[..., 2] ** 2
+        lobe = np.exp(-tan2[..., None] / (0.05 + 0.1 * channel)) * (1.0 + away[..., None])
+        rim = (1.0 - np.sqrt(squared) / 2.0) ** 5
+        return 0.1 * (1.0 + channel) + 2.0 * lobe + rim[..., None]
+
+    return reflectance
+
+
+@pytest.fixture(scope="session")
+def make_table():
+    """Call with a number of channels, and a shape: a table of `closed_form`."""
+
+    def make(n_channels=3, shape=SMALL, convention="centre"):
+        return tabulate(closed_form(n_channels), "small", shape=shape, convention=convention)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def small_table(make_table):
+    """A table of 12 x 18 x 20 cells and three channels in which only what is below the horizon is invalid."""
+    return make_table()
+
+
+@pytest.fixture(scope="session")
+def damaged_table(small_table):
+    """`small_table` in other units and with every kind of invalid entry, and theta_h that have none but these."""
+    rng = np.random.default_rng(5)
+    scale = np.array([0.5, 2.0, 1.0 / 3.0])
+    planes = small_table.planes / scale[:, None, None, None]
+    for bad in (np.nan, np.inf, -np.inf, -1.0, -1e-300):
+        planes[rng.random(planes.shape) < 0.06] = bad
+    planes[rng.random(planes.shape) < 0.05] = 0.0
+    planes[1, 4, :, :] = np.nan
+    planes[2, :, 3, :] = -1.0
+    return dataclasses.replace(small_table, planes=planes, scale=scale)
+
+
+@pytest.fixture(scope="session")
+def merl_file(tmp_path_factory):
+    """A whole file in the layout of MERL, written without our writer; a quarter of the entries are -1."""
+    rng = np.random.default_rng(90)
+    stored = rng.exponential(100.0, (3, 90, 90, 180))
+    stored[:, rng.random((90, 90, 180)) < 0.25] = -1.0
+    stored[0, :2, :2, :2] = -1.0
+    stored[:, 10, 10, 10] = 0.0
+    path = tmp_path_factory.mktemp("merl") / "made-up.binary"
+    with path.open("wb") as file:
+        np.array([90, 90, 180], dtype="<i4").tofile(file)
+        stored.astype("<f8").tofile(file)
+    return path
+
+
+@pytest.fixture(scope="session")
+def data():
+    """Folder with `data/rgl`, `data/hdri`, `data/nbrdf` and `tools/decode_merl.py`."""
+    folder = os.environ.get("DSBRDF_TEST_DATA")
+    if not folder:
+        pytest.skip("DSBRDF_TEST_DATA names no folder")
+    return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def decoded(data, tmp_path_factory):
+    """Call with the name of a material: the NBRDF-decoded MERL file of it, made once a session."""
+    folder = tmp_path_factory.mktemp("decoded")
+
+    def path(name):
+        file = folder / f"{name}.binary"
+        if not file.exists():
+            command = [sys.executable, str(data / "tools" / "decode_merl.py"), str(folder), name]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+        return file
+
+    return path

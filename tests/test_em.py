@@ -1,0 +1,117 @@
+"""The EM of Section 4: the kernel against its twin, its start, its course and its end."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import twin
+from dsbrdf import _core, read, slice_profiles
+from tables import built_in, objectives, quiet_fit, sums_of_squares
+
+NAMES = ["rough-gold", "polished-chrome", "glossy-plastic", "matte", "paint-two-lobe"]
+
+
+def slices(name, indices=(0, 6, 14), channel=0):
+    """Moments (theta_h, 6) and ln cos(theta_h) of some slices of a built-in material."""
+    for index in indices:
+        profile = slice_profiles(built_in(name))[index]
+        yield np.ascontiguousarray(profile.moments[channel]), twin.ln_cos(profile.theta_h)
+
+
+@pytest.mark.parametrize("n_lobes", [1, 2, 4])
+@pytest.mark.parametrize("name", NAMES)
+def test_kernel_equals_the_twin_round_by_round(name, n_lobes):
+    for moments, ln_cos in slices(name):
+        lobes, history, met = _core.em(moments, ln_cos, n_lobes, max_rounds=12, tolerance=1e-3)
+        x, twin_history, twin_met = twin.em(twin.make_slice(moments, ln_cos), n_lobes, 12, 1e-3)
+        energy = moments[:, 2].sum()
+        assert (len(history), met) == (len(twin_history), twin_met)
+        np.testing.assert_allclose(history, twin_history, rtol=1e-9, atol=1e-13 * energy)
+        np.testing.assert_allclose(lobes, np.exp(x), rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_starts_as_the_paper_does(name):
+    """kappa from the peak; gamma of ln(ln(1 + f) / kappa) = gamma ln cos(theta_h); halved for each further lobe."""
+    for moments, ln_cos in slices(name):
+        some = moments[:, 0] > 0.0
+        mean = moments[some, 1] / moments[some, 0]
+        kappa = np.log1p(mean.max())
+        weight = np.sqrt(moments[some, 0])
+        design, height = weight * ln_cos[some], weight * np.log(np.log1p(mean) / kappa)
+        gamma = np.linalg.lstsq(design[:, None], height)[0][0]
+        lobes, history, met = _core.em(moments, ln_cos, 4, max_rounds=0, tolerance=1e-3)
+        np.testing.assert_allclose(lobes, np.outer([1.0, 0.5, 0.25, 0.125], [kappa, gamma]), 1e-9, 1e-10)
+        assert len(history) == 1
+        assert not met
+
+
+@pytest.mark.parametrize("name", ["rough-gold", "glossy-plastic", "grey-primer"])
+def test_one_lobe_is_least_squares(name):
+    """With one lobe, an E-step changes nothing: the EM is the least-squares fit of the samples."""
+    measured = built_in(name)
+    for index in (2, 9):
+        profile = slice_profiles(measured)[index]
+        moments, ln_cos = np.ascontiguousarray(profile.moments[1]), twin.ln_cos(profile.theta_h)
+        [(kappa, gamma)], history, met = _core.em(moments, ln_cos, 1, max_rounds=200, tolerance=1e-12)
+        assert met
+        kept = moments[:, 0] > 0.0
+        f = measured.rows([index])[1, kept, 0]
+        cos_h = np.cos(profile.theta_h[kept, None])
+
+        def difference(x, cos_h=cos_h, f=f):
+            return (np.expm1(np.exp(x[0]) * cos_h ** np.exp(x[1])) - f)[np.isfinite(f)]
+
+        best = least_squares(difference, np.log([1.1 * kappa, 0.8 * gamma]), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        np.testing.assert_allclose(history[-1], 2.0 * best.cost, rtol=1e-8)
+        np.testing.assert_allclose(np.log([kappa, gamma]), best.x, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_logs_the_sum_of_squares_over_all_samples(name):
+    fitted = quiet_fit(built_in(name), 3, method="em")
+    for report in fitted.slices:
+        assert report.objective == report.em_history[-1]
+        assert report.iterations == len(report.em_history) - 1
+    energy = fitted.errors.energy.max()
+    np.testing.assert_allclose(objectives(fitted), sums_of_squares(fitted), rtol=1e-10, atol=1e-14 * energy)
+
+
+@pytest.mark.parametrize("options", [{}, {"azimuthal": False}, {"order": "kappa"}, {"loss": "log"}])
+def test_joint_fit_keeps_the_history_of_the_em(options):
+    measured = built_in("glossy-plastic")
+    joint, em = quiet_fit(measured, 2, **options), quiet_fit(measured, 2, method="em")
+    assert [r.em_history for r in joint.slices] == [r.em_history for r in em.slices]
+
+
+def test_stops_by_change_and_by_rounds():
+    [(moments, ln_cos)] = slices("glossy-plastic", indices=[6])
+    _, history, met = _core.em(moments, ln_cos, 3, max_rounds=7, tolerance=0.0)
+    assert (len(history), met) == (8, False)
+    _, history, met = _core.em(moments, ln_cos, 3, max_rounds=7, tolerance=1e9)
+    assert (len(history), met) == (2, True)
+    _, history, met = _core.em(moments, ln_cos, 3, max_rounds=60, tolerance=3e-3)
+    change = np.abs(np.diff(history)) / history[1:]
+    assert met
+    assert (change[:-1] > 3e-3).all()
+    assert change[-1] <= 3e-3
+
+
+def test_takes_a_start():
+    [(moments, ln_cos)] = slices("satin-plastic", indices=[3])
+    start, *_ = _core.em(moments, ln_cos, 2, max_rounds=4, tolerance=0.0)
+    _, rest, _ = _core.em(moments, ln_cos, 2, max_rounds=3, tolerance=0.0, start=start)
+    _, whole, _ = _core.em(moments, ln_cos, 2, max_rounds=7, tolerance=0.0)
+    np.testing.assert_allclose(rest, whole[4:], rtol=1e-12)
+
+
+def rises(measured, n_lobes):
+    """Rounds of the EM that raise the sum of squares, the rounds in all, and the largest rise of a slice's energy."""
+    fitted = quiet_fit(measured, n_lobes, method="em")
+    energy = fitted.errors.energy.ravel()
+    changes = [np.diff(report.em_history) for report in fitted.slices]
+    share = [change / e for change, e in zip(changes, energy, strict=True) if len(change)]
+    return sum((change > 0.0).sum() for change in changes), sum(map(len, changes)), max(map(np.max, share))
