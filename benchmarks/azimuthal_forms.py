@@ -1,19 +1,21 @@
-"""Which azimuthal term should a lobe carry? Fits every candidate to every material and tabulates the errors.
+"""Which azimuthal term should a lobe carry? Fits every candidate to every material, tabulates the errors.
 
-A lobe is `expm1(kappa cos(theta_h)^gamma) (1 + beta g(theta_h, theta_d) cos(2 phi_d))`. The script tries fixed
-factors g, `cos(4 phi_d)` in place of `cos(2 phi_d)`, and gives the floors that bound them:
+A lobe is `expm1(kappa cos(theta_h)^gamma) (1 + beta g(theta_h, theta_d) cos(2 phi_d))`. The script tries
+fixed factors g, `cos(4 phi_d)` in place of `cos(2 phi_d)`, and gives the floors that bound them:
 
     python benchmarks/azimuthal_forms.py forms MERL [RGL]       the forms, docs/azimuthal.md
-    python benchmarks/azimuthal_forms.py materials MERL [RGL]   one row a material, docs/tables/azimuthal.md
+    python benchmarks/azimuthal_forms.py materials MERL [RGL]   a row a material, docs/tables/azimuthal.md
+    python benchmarks/azimuthal_forms.py ingredients            closed-form reflectances, parts switched off
 
 MERL is a folder of tables in the format of the MERL database (`.binary`), RGL one of measurements of the RGL
-database (`.bsdf`, isotropic). Both print Markdown. Numbers are the relative (energy-normalised) RMS over all
-samples, slices and channels.
+database (`.bsdf`, isotropic). The tables are Markdown. Numbers are the relative (energy-normalised) RMS over
+all samples, slices and channels.
 
-MERL tables are collapsed as `dsbrdf.fit` does it by default: 18 slices, theta_h of a degree and more, perimeter
-masked. RGL files are evaluated at theta_d = 0, 5, ..., 85 degrees, at theta_h = i^2 / 90 degrees from one degree
-on (the lower edges of the cells of a MERL table) and every third degree of phi_d; a value is the mean over the reciprocal pair, and counts if neither of the two
-is negative and no direction is more than 80 degrees from the normal. There is no perimeter mask on them.
+MERL tables are collapsed as `dsbrdf.fit` does it by default: 18 slices, theta_h of a degree and more,
+perimeter masked. RGL files are evaluated at theta_d = 0, 5, ..., 85 degrees, theta_h = i^2 / 90 degrees from
+one degree on (the lower edges of the cells of a MERL table) and every third degree of phi_d. A value is the
+mean over the reciprocal pair; it counts if neither of the two is negative and no direction is more than 80
+degrees from the normal. There is no perimeter mask on them.
 """
 
 from __future__ import annotations
@@ -21,20 +23,27 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core, half_diff, metrics
+from dsbrdf.fit import fit_profiles
 from dsbrdf.measured.brdf import cell_angles
 from dsbrdf.measured.merl import read_merl
 from dsbrdf.measured.rgl import read_rgl
-from dsbrdf.slices import MIN_THETA_H, SliceProfile, slice_mask, slice_rows, stack_profiles
+from dsbrdf.reflectance import coated, ggx, oren_nayar
+from dsbrdf.slices import MIN_THETA_H, SliceProfile, slice_mask, slice_rows
 
 Array = NDArray[np.float64]
 Form = Callable[[Array, Array], Array]
+Reflectance = Callable[[Array, Array], Array]
 
+#: The factor of `dsbrdf.half_diff.azimuthal_factor`, by its name in `FORMS`.
+CHOSEN = "T, c = 0.03 (chosen)"
+PHI_D = np.deg2rad(np.arange(180) + 0.5)
 #: RGL protocol.
 RGL_THETA_D = np.deg2rad(np.arange(0.0, 90.0, 5.0))
 RGL_PHI_D = np.deg2rad(np.arange(0.0, 180.0, 3.0))
@@ -56,7 +65,7 @@ def product_form(c: float) -> Form:
 FORMS: Mapping[str, Form] = {
     "1": lambda h, d: np.ones(np.broadcast_shapes(h.shape, d.shape)),
     "T, c = 0.01": product_form(0.01),
-    "T, c = 0.03 (chosen)": lambda h, d: half_diff.azimuthal_factor(h, d),
+    CHOSEN: lambda h, d: half_diff.azimuthal_factor(h, d),
     "T, c = 0.05": product_form(0.05),
     "T, c = 0.1": product_form(0.1),
     "T, c = 0.3": product_form(0.3),
@@ -111,8 +120,10 @@ class Samples:
         return (left**2).sum((-2, -1))
 
     def symmetric_floor(self) -> Array:
-        """Sum of squares (slice, channel) left by any function of theta_h, theta_d, phi_d that is reciprocal
-        and mirror-symmetric, that is, the same at phi_d and at 180 degrees less."""
+        """Sum of squares (slice, channel) that the best symmetric function leaves.
+
+        One that is reciprocal and mirror-symmetric is the same at phi_d and at 180 degrees less phi_d.
+        """
         key = np.round(np.degrees(np.minimum(self.phi_d, np.pi - self.phi_d)), 6)
         left = np.zeros(self.values.shape[:2])
         for angle in np.unique(key):
@@ -232,7 +243,7 @@ def print_materials(merl: Path, rgl: Path | None, every: int) -> None:
 def material_row(samples: Samples) -> list[float]:
     """Numbers of `print_materials`."""
     moments = samples.moments(2)
-    row = [fit_error(samples, moments, k, form) for k in (2, 3) for form in (None, FORMS["T, c = 0.03 (chosen)"])]
+    row = [fit_error(samples, moments, k, form) for k in (2, 3) for form in (None, FORMS[CHOSEN])]
     zero = np.full((*moments.shape[:2], 1), 1e-12)
     errors = metrics.fit_errors(samples.profiles(), zero, np.ones_like(zero), 0.0 * zero)
     return [*row, errors.bivariate_floor, errors.monotone_floor, errors.azimuthal_floor]
@@ -242,15 +253,104 @@ def print_row(name: str, numbers: Array | list[float]) -> None:
     print(f"| {name} |", *(f" {x:.4f} |" for x in numbers), sep="")
 
 
+def aperture(reflectance: Reflectance, radius: float, count: int = 200) -> Reflectance:
+    """Mean of a reflectance over discs of directions, `radius` in radians, about both directions."""
+    rng = np.random.default_rng(0)
+    r, phi = radius * np.sqrt(rng.random((count, 2))), 2.0 * np.pi * rng.random((count, 2))
+
+    def tilted(w: Array, r: float, phi: float) -> Array:
+        x = np.cross(w, np.array([0.0, 1.0, 0.0]))
+        x /= np.linalg.norm(x, axis=-1, keepdims=True)
+        v = w + r * (np.cos(phi) * x + np.sin(phi) * np.cross(w, x))
+        return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+    def mean(wi: Array, wo: Array) -> Array:
+        pairs = zip(r, phi, strict=True)
+        return sum(reflectance(tilted(wi, a[0], b[0]), tilted(wo, a[1], b[1])) for a, b in pairs) / count
+
+    return mean
+
+
+BASE = partial(coated, albedo=0.5, eta=1.5, alpha=0.1, weights=0.0)
+#: Reflectances of which every part is known.
+INGREDIENTS: Mapping[str, Reflectance] = {
+    "D alone": partial(ggx, alpha=0.1, masking=False, foreshortening=False),
+    "D and Fresnel (n = 1.5)": partial(ggx, alpha=0.1, masking=False, foreshortening=False, fresnel=1.5),
+    "D / (cos_i cos_o)": partial(ggx, alpha=0.1, masking=False),
+    "D and masking G": partial(ggx, alpha=0.1, foreshortening=False),
+    "all of GGX, alpha 0.05": partial(ggx, alpha=0.05),
+    "all of GGX, alpha 0.1": partial(ggx, alpha=0.1),
+    "all of GGX, alpha 0.3": partial(ggx, alpha=0.3),
+    "all of GGX, alpha 0.1, gold": partial(ggx, alpha=0.1, fresnel=0.428 + 2.460j),
+    "all of GGX, alpha 0.1, n = 1.5": partial(ggx, alpha=0.1, fresnel=1.5),
+    "Lambertian base under a coat, no highlight": BASE,
+    "the same, not coupled to the coat": partial(BASE, coupling=False),
+    "Oren-Nayar, sigma 0.5": partial(oren_nayar, albedo=0.5, sigma=0.5),
+    "Oren-Nayar base under a coat": partial(BASE, sigma=0.5),
+    "glossy plastic: base, coat, GGX alpha 0.1": partial(BASE, weights=1.0),
+    "D alone, alpha 0.05, seen through 1 degree": aperture(
+        partial(ggx, alpha=0.05, masking=False, foreshortening=False), np.deg2rad(1.0)
+    ),
+}
+#: (theta_d, theta_h) in degrees at which b / a is printed.
+POINTS = ((20, 5), (20, 45), (45, 5), (45, 30), (60, 5), (60, 15), (75, 5), (75, 10))
+
+
+def modulation(reflectance: Reflectance, theta_h: Array | float, theta_d: float) -> Array:
+    """Ratio b / a of `a + b cos(2 phi_d)` (theta_h,)."""
+    wi, wo = half_diff.to_directions(np.atleast_1d(theta_h)[:, None], theta_d, PHI_D)
+    f = reflectance(wi, wo)[..., 0]
+    return 2.0 * (f * np.cos(2.0 * PHI_D)).mean(-1) / f.mean(-1)
+
+
+def closed_form(reflectance: Reflectance, name: str) -> Samples:
+    """Default slices of a reflectance."""
+    theta_h, theta_d, phi_d = cell_angles()
+    theta_h, theta_d = theta_h[theta_h >= MIN_THETA_H], theta_d[slice_rows(len(theta_d))]
+    wi, wo = half_diff.to_directions(theta_h[:, None], theta_d[:, None, None], phi_d)
+    values = np.moveaxis(reflectance(wi, wo), -1, 1)
+    inside = theta_h[:, None] < np.pi / 2 - theta_d[:, None, None, None]
+    return Samples(name, theta_d, theta_h, phi_d, np.where(inside, values, np.nan))
+
+
+def print_ingredients() -> None:
+    """Ratio b / a of closed-form reflectances and the errors of their fits; then lobes of GGX."""
+    degrees = np.deg2rad(POINTS)
+    print("| b / a at theta_d, theta_h |", *(f" {d}, {h} |" for d, h in POINTS), " without | with |", sep="")
+    print("|---|" + "---|" * (len(POINTS) + 2))
+    for name, reflectance in INGREDIENTS.items():
+        cells = [f"{modulation(reflectance, h, d)[0]:+.3f}" for d, h in degrees]
+        if "seen through" in name:
+            cells += ["", ""]
+        else:
+            samples = closed_form(reflectance, name)
+            moments = samples.moments(2)
+            cells += [f"{fit_error(samples, moments, 3, form):.4f}" for form in (None, FORMS[CHOSEN])]
+        print(f"| {name} | {' | '.join(cells)} |")
+    print("\n| GGX, K = 2 | theta_d | lobe 1: kappa, gamma, beta | lobe 2 |\n|---|---|---|---|")
+    for alpha in (0.05, 0.1, 0.2, 0.4):
+        for kind, fresnel in (("gold", 0.428 + 2.460j), ("n = 1.5", 1.5)):
+            profiles = closed_form(partial(ggx, alpha=alpha, fresnel=fresnel), kind).profiles()
+            parameters, _ = fit_profiles(profiles, 2)
+            for row in (3, 9, 15):
+                lobes = [", ".join(f"{x[row, 0, k]:.3g}" for x in parameters) for k in (0, 1)]
+                theta_d = np.degrees(profiles[row].theta_d)
+                print(f"| alpha {alpha}, {kind} | {theta_d:.1f} | {' | '.join(lobes)} |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Tables of azimuthal terms, in Markdown.")
-    parser.add_argument("table", choices=("forms", "materials"))
-    parser.add_argument("merl", type=Path, help="folder of MERL tables (.binary)")
+    parser.add_argument("table", choices=("forms", "materials", "ingredients"))
+    parser.add_argument("merl", type=Path, nargs="?", help="folder of MERL tables (.binary)")
     parser.add_argument("rgl", type=Path, nargs="?", help="folder of RGL measurements (.bsdf)")
     parser.add_argument("--n-lobes", type=int, default=3, help="lobes a slice and channel, for 'forms'")
     parser.add_argument("--every", type=int, default=1, help="take every n-th MERL table only")
     args = parser.parse_args()
-    if args.table == "forms":
+    if args.table == "ingredients":
+        print_ingredients()
+    elif args.merl is None:
+        parser.error(f"'{args.table}' needs a folder of MERL tables")
+    elif args.table == "forms":
         print_forms(args.merl, args.rgl, args.n_lobes, args.every)
     else:
         print_materials(args.merl, args.rgl, args.every)

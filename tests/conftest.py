@@ -8,8 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from dsbrdf import tabulate
+
+# The first example of a test may have to wait for an import or a file
+settings.register_profile("dsbrdf", settings.default, deadline=None)
+settings.load_profile("dsbrdf")
 
 SMALL = (12, 18, 20)
 

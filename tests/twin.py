@@ -91,6 +91,11 @@ def objective(x, s):
     return (residual(x, s) ** 2).sum() + floor
 
 
+def bounds(s):
+    """Least and greatest ln kappa and ln gamma; a lobe is at most 100 times as high as the slice."""
+    return np.array([-40.0, -14.0]), np.array([np.log(np.log1p(100.0 * s.mean.max())), 14.0])
+
+
 def minimise(residual, jacobian, x, low, high, max_iterations, tolerance):
     """Levenberg-Marquardt with Nielsen's damping and bounds."""
     x = np.clip(x, low, high)
@@ -136,7 +141,6 @@ def em(s, n_lobes, max_rounds, tolerance):
     `tolerance`.
     """
     x = estimate_lobe(s, s.mean) - np.log(2.0) * np.arange(n_lobes)[:, None]
-    low, high = (-40.0, -14.0), (np.log(np.log1p(100.0 * s.mean.max())), 14.0)
     history = [objective(x, s)]
     for _ in range(max_rounds):
         value = lobes(x, s.ln_cos)
@@ -148,8 +152,7 @@ def em(s, n_lobes, max_rounds, tolerance):
                     lambda y, k=k: residual(y, s, share[k] * s.mean),
                     lambda y: jacobian(y, s),
                     x[k : k + 1],
-                    low,
-                    high,
+                    *bounds(s),
                     30,
                     1e-4,
                 )

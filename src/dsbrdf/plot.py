@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files, half_diff
+from dsbrdf import _files, sphere
 
 try:
     import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
         'dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"', name="matplotlib"
@@ -33,7 +34,6 @@ __all__ = [
     "fit_figure",
     "incident_plane",
     "parameter_figure",
-    "shade_sphere",
     "write_figure",
 ]
 
@@ -46,26 +46,21 @@ LOBE_COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#d55e00", "#0072b2"
 LOBE_MARKERS = ("o", "s", "^", "D", "v", "*")
 LOBE_DASHES = ("--", "-.", (0, (1, 1.2)), (0, (5, 1, 1, 1, 1, 1)))
 INK, GREY, PALE = "#222222", "#8a8a8a", "#efefef"
-STYLE = {
-    "figure.facecolor": "white",
-    "axes.facecolor": "white",
+STYLE: dict[Any, Any] = {
     "axes.edgecolor": GREY,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
-    "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.spines.top": False,
     "axes.titlesize": 10,
-    "axes.labelsize": 9,
     "font.size": 9,
-    "grid.color": "#e4e4e4",
+    "grid.color": "#e2e2e2",
     "grid.linewidth": 0.6,
-    "legend.fontsize": 8.5,
     "legend.frameon": False,
-    "lines.linewidth": 1.5,
     "text.color": INK,
     "xtick.color": INK,
-    "ytick.color": INK,
     "xtick.labelsize": 8.5,
+    "ytick.color": INK,
     "ytick.labelsize": 8.5,
 }
 #: Ticks in degrees of an axis on a square-root scale.
@@ -73,20 +68,16 @@ ROOT_TICKS = (-90, -60, -30, -10, 0, 10, 30, 60, 90)
 #: Slices that are shown, radians; the nearest fitted ones are taken.
 SHOWN_THETA_D = tuple(np.deg2rad([0.0, 40.0, 70.0]))
 DPI = 150
-#: Lights of the spheres: direction toward the light (x right, y up, z toward the viewer) and radiance times solid angle.
-LIGHTS = (((-0.5, 0.5, 0.7071), 1.0), ((0.8, -0.2, 0.5657), 0.15))
 #: Mean radiance of a measured sphere in its picture, before gamma.
-EXPOSURE = 0.22
+EXPOSURE = 0.28
 STRIP_THETA_D = float(np.deg2rad(40.0))
 STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
-CAPTION = (
-    "Spheres: distant light at 45° above left, another of 0.15 times its strength from the right; one exposure a "
-    "row, gamma 2.2.\n"
-    r"Curves: squares measured, lines fitted, left half $\phi_d$ = 90°, right half $\phi_d$ = 0°, shaded: not fitted. "
-    r"Floors: least error of a function of ($\theta_h$, $\theta_d$),"
-    "\n"
-    r"and of one that falls with $\theta_h$. Scale of $\theta_h$: square root, in degrees."
-)
+CAPTION = r"""
+Spheres: a distant light at 45° above left, another of 0.15 times its strength on the right; one exposure
+a row, gamma 2.2. Curves: squares measured, lines fitted; left half $\phi_d$ = 90°, right half $\phi_d$ = 0°;
+degrees, square-root scale; shaded: not fitted. Floors: the least error of any function of
+($\theta_h$, $\theta_d$), and of one that falls with $\theta_h$.
+""".strip()
 
 
 def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
@@ -130,12 +121,13 @@ def _nearest_phi(values: Array, phi_d: Array, phi: float) -> Array:
     near = values[:, :, distance <= distance.min() + 1e-9]
     count = np.isfinite(near).sum(-1)
     total = np.nansum(near, axis=-1)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return mean
 
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A slice across the plane of incidence: `theta_h` in degrees, negative in the plane phi_d = 90 degrees."""
+    """A slice across the plane of incidence, `theta_h` in degrees, negative in the plane phi_d = 90."""
 
     theta_d: float
     theta_h: Array
@@ -178,10 +170,8 @@ def _channels(n: int) -> list[tuple[str, Any]]:
 
 def _root_axis(axes: Any, ticks: Sequence[int] = ROOT_TICKS) -> None:
     """Degrees from -90 to 90 on a square-root scale: narrow peaks get room."""
-    axes.set_xscale(
-        "function",
-        functions=(lambda x: np.sign(x) * np.sqrt(np.abs(x)), lambda x: np.sign(x) * x**2),
-    )
+    root, square = (lambda x: np.sign(x) * np.sqrt(np.abs(x))), (lambda x: np.sign(x) * x**2)
+    axes.set_xscale("function", functions=(root, square))
     axes.set_xlim(-90.0, 90.0)
     axes.set_xticks(ticks, [f"{abs(tick)}" for tick in ticks])
 
@@ -191,8 +181,17 @@ def _decades(axes: Any, values: Array) -> None:
     positive = values[values > 0.0]
     if positive.size:
         top = float(positive.max())
-        axes.set_yscale("log")
-        axes.set_ylim(max(0.6 * float(positive.min()), 1e-5 * top), 1.8 * top)
+        _log_axis(axes, max(0.6 * float(positive.min()), 1e-5 * top), 1.8 * top)
+
+
+def _log_axis(axes: Any, bottom: float, top: float) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(bottom, top)
+    axes.minorticks_off()
+    if top < 300.0 * bottom:
+        subs = (1.0, 3.0) if top > 10.0 * bottom else (1.0, 2.0, 5.0)
+        axes.yaxis.set_major_locator(LogLocator(subs=subs))
+        axes.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
 
 
 def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: int | None = None) -> Figure:
@@ -214,8 +213,7 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     rows = _shown_rows(fit, theta_d)
     chosen = int(fit.errors.energy.sum(0).argmax()) if channel is None else channel
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.2 * len(rows) + 1.9, 8.0), layout="constrained")
-        grid = figure.subplots(3, len(rows), squeeze=False)
+        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.8, bottom=0.65)
         for column, row in zip(grid.T, rows, strict=True):
             plane = _plane(fit, row)
             _draw_channels(column[0], plane)
@@ -227,6 +225,7 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
             axes.set_ylabel(f"BRDF (1/sr), {label}")
         for axes in grid[(0, 2), -1]:
             axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+        figure.align_ylabels(grid[:, 0])
         figure.supxlabel(
             r"$\theta_h$ (degrees, square-root scale); left half $\phi_d$ = 90°, right half $\phi_d$ = 0°; "
             "shaded: not fitted",
@@ -234,6 +233,17 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
         )
         figure.suptitle(_headline(fit), fontsize=10)
     return figure
+
+
+def _grid(n_rows: int, n_columns: int, **margins: float) -> tuple[Figure, NDArray[Any]]:
+    """A figure with a grid of axes, and margins in inches; quicker than matplotlib's automatic layouts."""
+    left, right, top, bottom = (margins[side] for side in ("left", "right", "top", "bottom"))
+    width, height = 3.15 * n_columns + left + right, 2.15 * n_rows + top + bottom
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, wspace=0.17, hspace=0.1
+    )
+    return figure, figure.subplots(n_rows, n_columns, squeeze=False)
 
 
 def _headline(fit: Fit) -> str:
@@ -249,9 +259,8 @@ def _headline(fit: Fit) -> str:
 
 
 def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
-    for (name, colour), value, curve in zip(
-        _channels(len(plane.values)), plane.values, plane.curves, strict=True
-    ):
+    channels = _channels(len(plane.values))
+    for (name, colour), value, curve in zip(channels, plane.values, plane.curves, strict=True):
         axes.plot(plane.curve_at, curve, color=colour, label=f"{name}, fitted", zorder=3)
         axes.plot(plane.theta_h[::3], value[::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2)
     axes.plot([], [], "s", ms=size, mfc="white", mec=GREY, mew=0.8, label="measured")
@@ -261,15 +270,8 @@ def _draw_lobes(axes: Any, plane: _Plane, channel: int) -> None:
     axes.plot(plane.theta_h[::3], plane.values[channel, ::3], "o", ms=2.8, color=GREY, label="measured")
     axes.plot(plane.curve_at, plane.curves[channel], color="black", label="sum of lobes", zorder=3)
     for k, lobe in enumerate(plane.lobes):
-        axes.plot(
-            plane.curve_at,
-            lobe[channel],
-            color=LOBE_COLOURS[k % len(LOBE_COLOURS)],
-            ls=LOBE_DASHES[k % len(LOBE_DASHES)],
-            lw=2.0,
-            label=f"lobe {k}",
-            zorder=4,
-        )
+        colour, dash = LOBE_COLOURS[k % len(LOBE_COLOURS)], LOBE_DASHES[k % len(LOBE_DASHES)]
+        axes.plot(plane.curve_at, lobe[channel], color=colour, ls=dash, lw=2.0, label=f"lobe {k}", zorder=4)
 
 
 def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
@@ -277,8 +279,7 @@ def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
     column[0].set_title(rf"$\theta_d$ = {np.rad2deg(plane.theta_d):.1f}°")
     column[0].set_ylim(0.0, 1.08 * top)
     _decades(column[1], plane.values)
-    column[2].set_yscale(column[1].get_yscale())
-    column[2].set_ylim(column[1].get_ylim())
+    _decades(column[2], plane.values)
     for axes in column:
         _root_axis(axes)
         _shade_unfitted(axes, fit, plane.theta_d)
@@ -300,14 +301,15 @@ def parameter_figure(model: DSBRDF) -> Figure:
     """Kappa, gamma and beta of each lobe over theta_d, one column a channel."""
     n = model.n_channels
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.1 * n + 0.6, 6.6), layout="constrained")
-        grid = figure.subplots(3, n, squeeze=False, sharex=True, sharey="row")
+        figure, grid = _grid(3, n, left=0.75, right=0.95, top=0.65, bottom=0.55)
         for row, symbol in zip(grid, ("kappa", "gamma", "beta"), strict=True):
             values = np.asarray(getattr(model, symbol))
             for c, axes in enumerate(row):
                 _draw_parameters(axes, np.rad2deg(model.theta_d), values[:, c])
+                _parameter_axis(axes, symbol, values)
+                axes.tick_params(labelleft=c == 0, labelbottom=symbol == "beta")
             row[0].set_ylabel(rf"$\{symbol}$")
-            _parameter_axis(row[0], symbol, values)
+        figure.align_ylabels(grid[:, 0])
         for axes, (name, colour) in zip(grid[0], _channels(n), strict=True):
             axes.set_title(name, color=colour)
         for axes in grid[-1]:
@@ -329,74 +331,13 @@ def _draw_parameters(axes: Any, theta_d: Array, values: Array) -> None:
 def _parameter_axis(axes: Any, symbol: str, values: Array) -> None:
     top = float(values.max())
     if symbol == "kappa":
-        axes.set_yscale("log")
-        axes.set_ylim(max(0.7 * float(values.min()), 1e-6 * top), 1.5 * top)
+        _log_axis(axes, max(0.7 * float(values.min()), 1e-6 * top), 1.7 * top)
     elif symbol == "gamma":
         axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_yticks([0, 1, *(10**i for i in range(1, 8) if 10**i <= top)])
-        axes.set_ylim(-0.1, 1.5 * max(top, 1.0))
+        axes.set_yticks([0, *(10**i for i in range(10) if 10**i <= max(top, 1.0))])
+        axes.set_ylim(-0.1, 1.7 * max(top, 1.0))
     else:
         axes.set_ylim(-1.08, 1.08)
-
-
-def shade_sphere(reflectance: Any, n_pixels: int = 128) -> Array:
-    """Radiance of a sphere seen from afar, under two distant lights.
-
-    Parameters
-    ----------
-    reflectance : DSBRDF or MeasuredBRDF
-        Of a table, the cell that holds the angles is taken.
-    n_pixels : int, optional
-        Width and height.
-
-    Returns
-    -------
-    (n_pixels, n_pixels, channel) ndarray
-        Zero outside the sphere. The main light comes from 45 degrees, above on the left, and the other, of 0.15
-        times its strength, from the right.
-    """
-    at = (np.arange(n_pixels) + 0.5) * 2.0 / n_pixels - 1.0
-    x, y = np.meshgrid(at, -at)
-    inside = x * x + y * y < 1.0
-    normal = np.stack([x[inside], y[inside], np.sqrt(1.0 - x[inside] ** 2 - y[inside] ** 2)], axis=-1)
-    viewer = np.array([0.0, 0.0, 1.0])
-    image = np.zeros((n_pixels, n_pixels, reflectance.n_channels))
-    for direction, strength in LIGHTS:
-        light = np.array(direction) / np.linalg.norm(direction)
-        cosine = np.maximum(normal @ light, 0.0)
-        wi, wo = _local(normal, light), _local(normal, viewer)
-        value = reflectance.eval(wi, wo) if hasattr(reflectance, "eval") else _look_up(reflectance, wi, wo)
-        image[inside] += strength * cosine[:, None] * value
-    return image
-
-
-def _local(normal: Array, direction: Array) -> Array:
-    """A direction in frames (..., 3) whose z is `normal` and whose x lies in the plane of `normal` and the viewer."""
-    tangent = np.stack([normal[:, 2], np.zeros(len(normal)), -normal[:, 0]], axis=-1)
-    tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
-    bitangent = np.cross(normal, tangent)
-    return np.stack([tangent @ direction, bitangent @ direction, normal @ direction], axis=-1)
-
-
-def _look_up(measured: MeasuredBRDF, wi: Array, wo: Array) -> Array:
-    """Values (..., channel) of the cells that hold pairs of directions; zero where invalid."""
-    theta_h, theta_d, phi_d = half_diff.from_directions(wi, wo)
-    n_h, n_d, n_phi = measured.planes.shape[1:]
-    i = np.minimum(np.sqrt(theta_h / (np.pi / 2)) * n_h, n_h - 1).astype(int)
-    j = np.minimum(theta_d / (np.pi / 2) * n_d, n_d - 1).astype(int)
-    k = np.minimum(phi_d % np.pi / np.pi * n_phi, n_phi - 1).astype(int)
-    values = measured.planes[:, i, j, k].T
-    return np.where((values >= 0.0) & (values < np.inf), values, 0.0) * measured.scale
-
-
-def _picture(radiance: Array, exposure: float) -> Array:
-    """RGBA (n, n, 4) of a sphere at a given exposure, gamma 2.2, clear outside."""
-    n = len(radiance)
-    colour = radiance if radiance.shape[-1] == 3 else np.repeat(radiance.mean(-1, keepdims=True), 3, axis=-1)
-    at = (np.arange(n) + 0.5) * 2.0 / n - 1.0
-    radius = np.hypot(*np.meshgrid(at, at))
-    cover = np.clip((1.0 - radius) * n / 2, 0.0, 1.0)
-    return np.concatenate([np.clip(exposure * colour, 0.0, 1.0) ** (1 / 2.2), cover[..., None]], axis=-1)
 
 
 def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
@@ -411,19 +352,12 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
     widths = [1.32, *[1.0] * (2 + n_lobes), 0.4, 2.2]
-    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 0.98
+    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.12
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
+        margins = {"left": 0.012, "right": 0.988, "top": 1.0 - 0.3 / height, "bottom": 0.82 / height}
         grid = figure.add_gridspec(
-            len(fits),
-            len(widths),
-            width_ratios=widths,
-            left=0.012,
-            right=0.988,
-            top=1.0 - 0.3 / height,
-            bottom=0.68 / height,
-            wspace=0.04,
-            hspace=0.07,
+            len(fits), len(widths), width_ratios=widths, wspace=0.04, hspace=0.07, **margins
         )
         for row, fit in enumerate(fits):
             _label(figure.add_subplot(grid[row, 0]), fit)
@@ -446,21 +380,19 @@ def _label(axes: Any, fit: Fit) -> None:
         0.5,
         f"error {100 * errors.rel_rms:.2f} %\n"
         f"floors {100 * errors.bivariate_floor:.2f}, {100 * errors.monotone_floor:.2f} %",
-        fontsize=7.5,
-        va="top",
-        linespacing=1.4,
-    )
+        fontsize=7.5, va="top", linespacing=1.4,
+    )  # fmt: skip
 
 
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     for axes in row:
         axes.axis("off")
-    measured = shade_sphere(fit.measured, n_pixels)
-    lobes = [shade_sphere(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
+    measured = sphere.shade(fit.measured, n_pixels)
+    lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
     brightest = measured.max(-1)
     exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
     for axes, radiance in zip(row, [measured, np.sum(lobes, axis=0), *lobes], strict=False):
-        axes.imshow(_picture(radiance, exposure), interpolation="antialiased")
+        axes.imshow(sphere.picture(radiance, exposure), interpolation="antialiased")
 
 
 def _draw_strip(axes: Any, fit: Fit, *, last: bool) -> None:

@@ -218,9 +218,10 @@ fn follow(along: &[&Vec<SliceFit>]) -> Vec<SliceFit> {
     let admissible: Vec<Vec<&SliceFit>> = along
         .iter()
         .map(|fits| {
-            // Never above the EM alone
+            // As good as the best, and never above the EM alone (but for rounding)
             let em = fits[0].em_history.last().copied().unwrap_or(f64::INFINITY);
-            let limit = (best(fits).objective * (1.0 + AS_GOOD)).min(em);
+            let least = best(fits).objective;
+            let limit = (least * (1.0 + AS_GOOD)).min(em).max(least);
             fits.iter().filter(|fit| fit.objective <= limit).collect()
         })
         .collect();

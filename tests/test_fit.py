@@ -1,0 +1,463 @@
+"""The fit of a whole BRDF: it finds known lobes, keeps its promises, and survives what it is given."""
+
+import dataclasses
+import hashlib
+import os
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+import twin
+from dsbrdf import ConvergenceWarning, DSBRDF, FitStatus, fit, materials, slice_profiles, tabulate
+from dsbrdf.fit import fit_profiles
+from dsbrdf.half_diff import azimuthal_factor
+from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf.slices import SliceProfile
+from tables import built_in, formula, lobes, objectives, of_model, quiet_fit, slice_samples, sums_of_squares
+
+# Lobes that can be told apart: kappa, gamma, beta
+KNOWN = {
+    1: ([0.8], [3.0], [0.3]),
+    2: ([2.0, 0.3], [200.0, 1.0], [0.5, -0.4]),
+    3: ([3.0, 1.0, 0.2], [1500.0, 40.0, 0.7], [-0.6, 0.4, 0.2]),
+}
+MATERIALS = ["rough-gold", "polished-chrome", "glossy-plastic", "matte", "grey-primer"]
+EVERY_SAMPLE = {"n_slices": 6, "perimeter_mask": False}
+
+
+def known(n_lobes, azimuthal):
+    kappa, gamma, beta = map(np.array, KNOWN[n_lobes])
+    return lobes(kappa, gamma, beta * azimuthal)
+
+
+# Recovery
+
+
+@pytest.mark.parametrize(("with_beta", "azimuthal"), [(False, False), (False, True), (True, True)])
+@pytest.mark.parametrize("n_lobes", [1, 2, 3])
+def test_finds_known_lobes(n_lobes, with_beta, azimuthal):
+    truth = known(n_lobes, with_beta)
+    fitted = fit(of_model(truth, 6), n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
+    np.testing.assert_allclose(fitted.model.kappa, truth.kappa, rtol=1e-6)
+    np.testing.assert_allclose(fitted.model.gamma, truth.gamma, rtol=1e-6)
+    np.testing.assert_allclose(fitted.model.beta, truth.beta, atol=1e-6)
+
+
+def sample_jacobian(x, theta_h, theta_d, phi_d):
+    """Derivatives (sample, unknown) of the model by x of the twin, by complex steps."""
+    columns = []
+    for unknown in range(x.size):
+        at = x.astype(complex)
+        at.flat[unknown] += 1e-30j
+        kappa, gamma = np.exp(at[None, :, :2].T)[..., 0][..., None].swapaxes(1, 2)
+        beta = np.sin(at[:, 2]) if x.shape[1] == 3 else np.zeros(len(x))
+        columns.append(formula(theta_h, theta_d, phi_d, kappa, gamma, beta[None])[0].imag / 1e-30)
+    return np.stack(columns, axis=-1)
+
+
+@pytest.mark.parametrize("azimuthal", [False, True])
+@pytest.mark.parametrize("n_lobes", [1, 2, 3])
+def test_errors_under_noise_are_those_expected(n_lobes, azimuthal, rng):
+    """Each unknown is within 4.5 standard errors, and all together as far off as chance has it."""
+    truth = known(n_lobes, azimuthal)
+    clean = of_model(truth, 6)
+    noisy = clean.planes * (1.0 + 0.01 * rng.standard_normal(clean.planes.shape))
+    measured = dataclasses.replace(clean, planes=np.where(clean.planes < 0.0, -1.0, noisy))
+    fitted = fit(measured, n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
+    factor = azimuthal_factor(clean.theta_h, clean.theta_d[:, None])
+
+    def unknowns(model, *at):
+        x = [np.log(model.kappa[at]), np.log(model.gamma[at]), np.arcsin(model.beta[at])]
+        return np.stack(x[: 2 + azimuthal], axis=-1)
+
+    distance, off = 0.0, []
+    # Nearest to grazing, too few samples are above the horizon for the linear theory of errors
+    for i, channel in np.ndindex(5, 3):
+        x = unknowns(truth, i, channel)
+        f = clean.rows([i])[channel, :, 0]
+        some = np.isfinite(f) & (clean.theta_h[:, None] >= np.deg2rad(1.0))
+        theta_h, phi_d = (angle[some] for angle in np.broadcast_arrays(clean.theta_h[:, None], clean.phi_d))
+        j = sample_jacobian(x, theta_h, clean.theta_d[i], phi_d)
+        profile = fitted.profiles[i]
+        rows = twin.jacobian(x, twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h), factor[i]))
+        np.testing.assert_allclose(rows.T @ rows, j.T @ j, rtol=1e-9, atol=1e-9 * (j**2).sum())
+
+        hessian = np.linalg.inv(j.T @ j)
+        covariance = hessian @ (j.T * (0.01 * f[some]) ** 2 @ j) @ hessian
+        error = (unknowns(fitted.model, i, channel) - x).ravel()
+        off.append(error / np.sqrt(covariance.diagonal()))
+        distance += error @ np.linalg.solve(covariance, error)
+    assert np.abs(off).max() < 4.5
+    assert 1e-4 < stats.chi2.cdf(distance, np.size(off)) < 1.0 - 1e-4
+
+
+# Promises
+
+
+@pytest.mark.parametrize("n_lobes", [1, 3, 5])
+@pytest.mark.parametrize("name", MATERIALS)
+def test_never_above_the_em(name, n_lobes):
+    measured = built_in(name)
+    em = objectives(quiet_fit(measured, n_lobes, method="em"))
+    for options in ({}, {"azimuthal": False}, {"order": "kappa"}):
+        assert (objectives(quiet_fit(measured, n_lobes, **options)) <= em * (1.0 + 1e-12)).all()
+
+
+# A candidate this near to the best may be taken for smoother curves
+AS_GOOD = 2e-4
+
+
+@pytest.mark.parametrize("n_lobes", [1, 2, 3, 5])
+@pytest.mark.parametrize("name", MATERIALS)
+def test_azimuthal_term_never_makes_it_worse(name, n_lobes):
+    measured = built_in(name)
+    plain = objectives(quiet_fit(measured, n_lobes, azimuthal=False))
+    assert (objectives(quiet_fit(measured, n_lobes)) <= plain * (1.0 + AS_GOOD)).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"azimuthal": False}, {"order": "kappa"}, {"perimeter_mask": False}])
+@pytest.mark.parametrize("name", MATERIALS)
+def test_objective_is_the_sum_of_squares_over_all_samples(name, options):
+    fitted = quiet_fit(built_in(name), 2, **options)
+    squares = sums_of_squares(fitted)
+    rounding = 1e-14 * fitted.errors.energy.max()
+    np.testing.assert_allclose(objectives(fitted), squares, rtol=1e-9, atol=rounding)
+    np.testing.assert_allclose(fitted.errors.squares.ravel(), squares, rtol=1e-9, atol=rounding)
+    energy = [np.nansum(slice_samples(fitted, i)[0] ** 2) for i in range(len(fitted.profiles))]
+    np.testing.assert_allclose(fitted.errors.rel_rms, np.sqrt(squares.sum() / np.sum(energy)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("azimuthal", [False, True])
+def test_log_objective_is_its_counterpart(azimuthal):
+    """Logarithms of means over phi_d, squared and counted; the rest of the squares relative to the mean."""
+    fitted = quiet_fit(built_in("satin-plastic"), 2, loss="log", azimuthal=azimuthal)
+    for i, profile in enumerate(fitted.profiles):
+        samples, values = (x.reshape(3, -1, 36) for x in slice_samples(fitted, i))
+        valid = np.isfinite(samples)
+        count, empty = valid.sum(-1), ~valid.any(-1)
+
+        def mean(x, valid=valid, count=count, empty=empty):
+            return np.where(valid, x, 0.0).sum(-1) / np.where(empty, 1, count)
+
+        f, model = mean(samples), mean(values)
+        logs = count * np.log((model + LOG_OFFSET) / (f + LOG_OFFSET)) ** 2
+        rest = np.where(valid, (samples - f[..., None]) - (values - model[..., None]), 0.0) ** 2
+        objective = (logs + rest.sum(-1) / (f + LOG_OFFSET) ** 2).sum(-1)
+        reported = [report.objective for report in fitted.slices[3 * i : 3 * i + 3]]
+        np.testing.assert_allclose(reported, objective, rtol=1e-8)
+        assert profile.theta_d == fitted.slices[3 * i].theta_d
+
+
+def test_log_loss_serves_the_tail():
+    measured = built_in("glossy-plastic")
+    assert quiet_fit(measured, 3, loss="log").log_rms < 0.9 * quiet_fit(measured, 3).log_rms
+
+
+def test_log_rms_is_that_of_all_samples():
+    fitted = quiet_fit(built_in("satin-plastic"), 2)
+    ratios = []
+    for i in range(len(fitted.profiles)):
+        samples, values = slice_samples(fitted, i)
+        ratio = (values + LOG_OFFSET) / (samples + LOG_OFFSET)
+        ratios.append(ratio[np.isfinite(ratio)])
+    np.testing.assert_allclose(fitted.log_rms, np.sqrt((np.log(np.concatenate(ratios)) ** 2).mean()), rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_converged_means_minimum(name):
+    """A Gauss-Newton step of the twin would gain next to nothing where the fit says that it converged."""
+    fitted = quiet_fit(built_in(name), 2, azimuthal=False)
+    seen = 0
+    for report, (i, channel) in zip(fitted.slices, np.ndindex(len(fitted.profiles), 3), strict=True):
+        if not report.status.ok:
+            continue
+        profile = fitted.profiles[i]
+        s = twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h))
+        x = np.log(np.stack([fitted.model.kappa[i, channel], fitted.model.gamma[i, channel]], axis=-1))
+        residual, j = twin.residual(x, s), twin.jacobian(x, s)
+        free = (np.abs(x) < [[39.9, 13.9]]).ravel() & (x < twin.bounds(s)[1] - 1e-6).ravel()
+        step = np.linalg.lstsq(j[:, free], residual)[0]
+        gain = ((j[:, free] @ step) ** 2).sum()
+        assert gain <= 1e-4 * report.objective + 1e-12 * (s.w_a * s.mean @ (s.w_a * s.mean))
+        seen += 1
+    assert seen >= 20
+
+
+def test_same_bits_however_many_threads():
+    code = (
+        "import hashlib, warnings; warnings.simplefilter('ignore'); from dsbrdf import fit, materials, tabulate\n"
+        "m = tabulate(materials.get('satin-plastic').reflectance, '', shape=(90, 18, 36))\n"
+        "f = fit(m, 3)\n"
+        "print(hashlib.sha256(b''.join(x.tobytes() for x in (f.model.kappa, f.model.gamma, f.model.beta))).hexdigest())"
+    )
+    digests = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "RAYON_NUM_THREADS": threads},
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout.strip()
+        for threads in ("1", "2")
+    ]
+    here = [quiet_fit(built_in("satin-plastic"), 3).model for _ in range(2)]
+    digests += [
+        hashlib.sha256(b"".join(x.tobytes() for x in (m.kappa, m.gamma, m.beta))).hexdigest() for m in here
+    ]
+    assert len(set(digests)) == 1
+    assert len(digests[0]) == 64
+
+
+# Order of lobes
+
+
+def crossing(n_slices=9):
+    """Two lobes, of which the flat one overtakes the narrow one in kappa."""
+    theta_d = np.pi / 2 * (np.arange(n_slices) + 0.5) / n_slices
+    t = np.linspace(0.0, 1.0, n_slices)
+    kappa = np.stack([2.0 * 0.2**t, 0.4 * 5.0**t], axis=-1)
+    gamma = np.broadcast_to([80.0, 1.5], kappa.shape)
+    shape = (n_slices, 1, 2)
+    return DSBRDF(theta_d, kappa.reshape(shape), gamma.reshape(shape), np.zeros(shape))
+
+
+@pytest.mark.parametrize("azimuthal", [False, True])
+def test_follows_lobes_where_they_cross(azimuthal):
+    truth = crossing()
+    options = {"n_slices": 9, "perimeter_mask": False, "azimuthal": azimuthal}
+    followed = fit(of_model(truth, 9), 2, **options).model
+    np.testing.assert_allclose(followed.gamma, truth.gamma, rtol=1e-5)
+    np.testing.assert_allclose(followed.kappa, truth.kappa, rtol=1e-5)
+    by_kappa = fit(of_model(truth, 9), 2, order="kappa", **options).model
+    assert (np.diff(by_kappa.kappa) < 0.0).all()
+    assert (by_kappa.gamma[0] > by_kappa.gamma[-1]).tolist() == [[True, False]]
+
+
+def test_follows_lobes_across_an_empty_slice():
+    truth = crossing()
+    measured = of_model(truth, 9)
+    measured.planes[:, :, 4] = -1.0
+    followed = fit(measured, 2, n_slices=9, perimeter_mask=False, azimuthal=False).model
+    np.testing.assert_allclose(np.delete(followed.gamma, 4, 0), np.delete(truth.gamma, 4, 0), rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_order_kappa_sorts_each_slice(name):
+    model = quiet_fit(built_in(name), 3, order="kappa").model
+    assert (np.diff(model.kappa) <= 0.0).all()
+
+
+@pytest.mark.parametrize("order", ["follow", "kappa"])
+@pytest.mark.parametrize("permutation", [[2, 1, 0], [1, 2, 0]])
+def test_channels_do_not_see_each_other(permutation, order):
+    """But for the order of lobes, which all channels share."""
+    measured = built_in("satin-plastic")
+    permuted = dataclasses.replace(
+        measured, planes=np.ascontiguousarray(measured.planes[permutation]), scale=measured.scale[permutation]
+    )
+    one, other = (quiet_fit(m, 2, order=order) for m in (measured, permuted))
+    objective = objectives(one).reshape(-1, 3)[:, permutation]
+    np.testing.assert_allclose(objectives(other).reshape(-1, 3), objective, rtol=1e-6)
+    for name in ("kappa", "gamma", "beta"):
+        want, got = (np.sort(getattr(f.model, name), axis=-1) for f in (one, other))
+        np.testing.assert_allclose(got, want[:, permutation], rtol=1e-4, atol=1e-6)
+
+
+# Options
+
+
+def test_rows_and_steps_choose_the_samples():
+    measured = built_in("satin-plastic")
+    fitted = quiet_fit(measured, 1, n_slices=6, theta_h_step=3)
+    np.testing.assert_array_equal(fitted.model.theta_d, measured.theta_d[::3])
+    assert fitted.model.kappa.shape == (6, 3, 1)
+    used = fitted.profiles[0].count[0] > 0.0
+    np.testing.assert_array_equal(np.flatnonzero(used) % 3, 0)
+    assert used.sum() > 20
+    np.testing.assert_allclose(objectives(fitted), sums_of_squares(fitted), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"method": "lm"}, r"'method' must be 'joint' or 'em', got 'lm'\."),
+        ({"loss": "l1"}, r"'loss' must be 'l2' or 'log', got 'l1'\."),
+        ({"order": "gamma"}, r"'order' must be 'follow' or 'kappa', got 'gamma'\."),
+        ({"n_lobes": 0}, r"'n_lobes' must be between 1 and 10, got 0\."),
+        ({"n_lobes": 11}, r"'n_lobes' must be between 1 and 10, got 11\."),
+        ({"method": "em", "loss": "log"}, r"takes loss='l2' only\. Use method='joint'\."),
+        ({"method": "em", "azimuthal": True}, r"has no azimuthal term.*Use azimuthal=False"),
+        ({"n_slices": 0}, r"'n_slices' must be between 1 and the table's 18 rows, got 0\."),
+        ({"n_slices": 19}, r"'n_slices' must be between 1 and the table's 18 rows, got 19\."),
+        ({"theta_h_step": 0}, r"'theta_h_step' must be at least 1, got 0\."),
+        ({"min_theta_h": -0.1}, r"'min_theta_h' must lie in \[0, pi/2\] radians, got -0\.1"),
+        ({"min_theta_h": 2.0}, r"'min_theta_h' must lie in \[0, pi/2\] radians, got 2.*deg2rad"),
+    ],
+)
+def test_says_what_is_wrong_with_an_option(options, text):
+    with pytest.raises(ValueError, match=text):
+        fit(built_in("matte"), **options)
+
+
+def test_warns_once_and_points_at_the_caller():
+    with pytest.warns(ConvergenceWarning, match=r"of 54 slices \(theta_d=.*channel.*out of iterations") as caught:
+        fitted = fit(built_in("polished-chrome"), 3, method="em")
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    late = [report for report in fitted.slices if not report.status.ok]
+    assert caught[0].message.args[0].startswith(f"{len(late)} of 54 slices")
+    assert all(report.status is FitStatus.MAX_ITERATIONS and "fewer lobes" in report.status.message for report in late)
+    assert np.isfinite(fitted.model.kappa).all()
+
+
+def test_strict_raises_instead():
+    with (
+        pytest.raises(RuntimeError, match=r"of 54 slices .*out of iterations"),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("error")
+        fit(built_in("polished-chrome"), 3, method="em", strict=True)
+
+
+# Unusual tables
+
+
+def test_empty_slices_take_the_nearest_lobes():
+    measured = of_model(known(1, True), 6)
+    measured.planes[:, :, [0, 1, 5]] = -1.0
+    measured.planes[1, :, 3] = np.nan
+    fitted = fit(measured, 1, **EVERY_SAMPLE)
+    status = np.array([report.status for report in fitted.slices]).reshape(6, 3)
+    empty = np.zeros((6, 3), bool)
+    empty[[0, 1, 5]] = True
+    empty[3, 1] = True
+    np.testing.assert_array_equal(status, np.where(empty, FitStatus.NO_DATA, FitStatus.CONVERGED))
+    assert "nearest slice" in FitStatus.NO_DATA.message
+    for values in (fitted.model.kappa, fitted.model.gamma, fitted.model.beta):
+        for i, nearest in ((0, 2), (1, 2), (5, 4)):
+            np.testing.assert_array_equal(values[i], values[nearest])
+        assert values[3, 1] in (values[2, 1], values[4, 1])
+    np.testing.assert_allclose(fitted.model.kappa[2], known(1, True).kappa[2], rtol=1e-6)
+
+
+def constant(value, channels=3, shape=(20, 6, 12)):
+    return tabulate(lambda wi, wo: np.full((*np.broadcast(wi[..., 0], wo[..., 0]).shape, channels), value), "", shape=shape)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"order": "kappa"}])
+def test_black_stays_black(options):
+    fitted = fit(constant(0.0), 2, n_slices=6, **options)
+    assert all(report.status is FitStatus.NO_DATA for report in fitted.slices)
+    up = np.array([0.0, 0.0, 1.0])
+    assert (fitted.model.eval(up, up) < 1e-9).all()
+    assert np.isnan(fitted.errors.rel_rms)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"azimuthal": False}])
+@pytest.mark.parametrize("n_lobes", [1, 3])
+def test_lambert_is_flat(n_lobes, options):
+    fitted = quiet_fit(constant(0.25), n_lobes, n_slices=6, **options)
+    assert fitted.errors.rel_rms < 1e-6
+    up, low = np.array([0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6])
+    np.testing.assert_allclose(fitted.model.eval([up, low], [up, low]), 0.25, rtol=1e-5)
+    if n_lobes == 1:
+        assert (fitted.model.gamma < 1e-5).all()
+
+
+def test_nothing_valid_is_an_error():
+    measured = constant(0.2)
+    measured.planes[:] = -1.0
+    with pytest.raises(ValueError, match=r"no slice has a valid sample after masking\. Lower 'min_theta_h'"):
+        fit(measured, 1, n_slices=6)
+
+
+@pytest.mark.parametrize("channels", [1, 5])
+def test_any_number_of_channels(channels):
+    tint = np.linspace(0.5, 1.5, channels)
+    kappa, gamma, beta = map(np.array, KNOWN[2])
+    truth = lobes(kappa, gamma, beta, tint=tint)
+    fitted = fit(of_model(truth, 6), 2, **EVERY_SAMPLE)
+    assert fitted.model.kappa.shape == (6, channels, 2)
+    np.testing.assert_allclose(fitted.model.kappa, truth.kappa, rtol=1e-6)
+    assert [report.channel for report in fitted.slices] == list(range(channels)) * 6
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}])
+def test_ten_lobes(options):
+    fitted = quiet_fit(built_in("paint-two-lobe", (90, 6, 24)), 10, n_slices=6, **options)
+    assert fitted.model.n_lobes == 10
+    assert np.isfinite(fitted.model.eval([0.0, 0.0, 1.0], [0.6, 0.0, 0.8])).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 1, 1), (1, 3, 4), (4, 2, 1), (3, 3, 3)])
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"order": "kappa"}])
+def test_small_tables(shape, options):
+    measured = tabulate(materials.get("satin-plastic").reflectance, "", shape=shape)
+    fitted = quiet_fit(measured, 2, n_slices=shape[1], perimeter_mask=False, **options)
+    rounding = 1e-13 * fitted.errors.energy.max()
+    np.testing.assert_allclose(fitted.errors.squares.ravel(), sums_of_squares(fitted), rtol=1e-9, atol=rounding)
+
+
+# Adversarial profiles
+
+
+@st.composite
+def profiles(draw):
+    """A few slices of a random number of points, values over many decades."""
+    n_slices, n = draw(st.integers(1, 3)), draw(st.sampled_from([1, 2, 3, 8, 20]))
+    low, high = sorted(draw(st.tuples(st.integers(-8, 6), st.integers(-8, 6))))
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    phi_d = np.pi * (np.arange(draw(st.sampled_from([1, 2, 12]))) + 0.5) / 12
+    theta_h = np.sort(rng.uniform(0.0, np.pi / 2, n))
+    values = 10.0 ** rng.uniform(low, high, (n_slices, 1, n, len(phi_d)))
+    if draw(st.booleans()):
+        values = -np.sort(-values.mean(-1, keepdims=True), axis=2) + 0.0 * values
+    values[rng.random(values.shape) < draw(st.sampled_from([0.0, 0.3]))] = np.nan
+    theta_d = np.linspace(0.1, 1.4, n_slices)
+    moments = twin.collapse(values, phi_d)
+    return [SliceProfile(t, theta_h, m) for t, m in zip(theta_d, moments, strict=True)]
+
+
+@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@given(profiles(), st.integers(1, 4), st.booleans(), st.sampled_from(["l2", "log"]), st.sampled_from(["follow", "kappa"]))
+def test_survives_any_profile(slices, n_lobes, azimuthal, loss, order):
+    if not any(profile.count.any() for profile in slices):
+        return
+    (kappa, gamma, beta), reports = fit_profiles(slices, n_lobes, loss=loss, azimuthal=azimuthal, order=order)
+    assert np.isfinite(kappa).all()
+    assert (kappa > 0.0).all()
+    assert np.isfinite(gamma).all()
+    assert (gamma >= 0.0).all()
+    assert (np.abs(beta) <= 1.0).all()
+    assert azimuthal or not beta.any()
+    objective = np.array([report.objective for report in reports])
+    assert np.isfinite(objective).all()
+    assert (objective >= 0.0).all()
+    if loss == "l2":
+        _, em = fit_profiles(slices, n_lobes, method="em", azimuthal=False, order=order)
+        energy = np.array([profile.energy[0] for profile in slices])
+        assert (objective <= np.array([report.objective for report in em]) + 1e-12 * energy).all()
+
+
+# Neurally decoded measurements
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", ["nickel", "orange-paint", "specular-blue-phenolic"])
+def test_promises_hold_on_decoded_materials(decoded, name):
+    measured = decoded(name)
+    em, plain, default = (
+        objectives(quiet_fit(measured, 3, **options)) for options in ({"method": "em"}, {"azimuthal": False}, {})
+    )
+    assert (plain <= em * (1.0 + 1e-12)).all()
+    assert (default <= em * (1.0 + 1e-12)).all()
+    assert (default <= plain * (1.0 + AS_GOOD)).all()
+    fitted = quiet_fit(measured, 3)
+    np.testing.assert_allclose(objectives(fitted), sums_of_squares(fitted), rtol=1e-8)
