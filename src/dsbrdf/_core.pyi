@@ -31,6 +31,7 @@ def fit(
     follow: bool,
     log_offset: float | None,
 ) -> _Fit: ...
+def grow(moments: _Floats, ln_cos: _Floats, n_lobes: int) -> list[tuple[_Floats, _Floats]]: ...
 def em(
     moments: _Floats,
     ln_cos: _Floats,

@@ -29,13 +29,7 @@ if TYPE_CHECKING:
     from dsbrdf.measured.brdf import MeasuredBRDF
     from dsbrdf.model import DSBRDF
 
-__all__ = [
-    "demo_figure",
-    "fit_figure",
-    "incident_plane",
-    "parameter_figure",
-    "write_figure",
-]
+__all__ = ["demo_figure", "fit_figure", "incident_plane", "parameter_figure", "write_figure"]
 
 Array = NDArray[np.float64]
 
@@ -72,12 +66,14 @@ DPI = 150
 EXPOSURE = 0.28
 STRIP_THETA_D = float(np.deg2rad(40.0))
 STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
-CAPTION = r"""
-Spheres: a distant light at 45° above left, another of 0.15 times its strength on the right; one exposure
-a row, gamma 2.2. Curves: squares measured, lines fitted; left half $\phi_d$ = 90°, right half $\phi_d$ = 0°;
-degrees, square-root scale; shaded: not fitted. Floors: the least error of any function of
-($\theta_h$, $\theta_d$), and of one that falls with $\theta_h$.
-""".strip()
+CAPTION = (
+    "Spheres: a distant light at 45° above left, another of 0.15 times its strength on the right; one "
+    "exposure a row, gamma 2.2.\n"
+    "Curves: squares measured, lines fitted; left half $\\phi_d$ = 90°, right half $\\phi_d$ = 0°; degrees, "
+    "square-root scale; shaded: not fitted.\n"
+    "Floors: the least error of any function of ($\\theta_h$, $\\theta_d$), and of one "
+    "that falls with $\\theta_h$."
+)
 
 
 def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
@@ -213,7 +209,7 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     rows = _shown_rows(fit, theta_d)
     chosen = int(fit.errors.energy.sum(0).argmax()) if channel is None else channel
     with matplotlib.rc_context(STYLE):
-        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.8, bottom=0.65)
+        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.75, bottom=0.55)
         for column, row in zip(grid.T, rows, strict=True):
             plane = _plane(fit, row)
             _draw_channels(column[0], plane)
@@ -241,7 +237,7 @@ def _grid(n_rows: int, n_columns: int, **margins: float) -> tuple[Figure, NDArra
     width, height = 3.15 * n_columns + left + right, 2.15 * n_rows + top + bottom
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(
-        left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, wspace=0.17, hspace=0.1
+        left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, wspace=0.2, hspace=0.1
     )
     return figure, figure.subplots(n_rows, n_columns, squeeze=False)
 
@@ -352,10 +348,10 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
     widths = [1.32, *[1.0] * (2 + n_lobes), 0.4, 2.2]
-    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.12
+    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.0
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
-        margins = {"left": 0.012, "right": 0.988, "top": 1.0 - 0.3 / height, "bottom": 0.82 / height}
+        margins = {"left": 0.012, "right": 0.988, "top": 1.0 - 0.3 / height, "bottom": 0.7 / height}
         grid = figure.add_gridspec(
             len(fits), len(widths), width_ratios=widths, wspace=0.04, hspace=0.07, **margins
         )

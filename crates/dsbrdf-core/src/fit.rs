@@ -123,12 +123,18 @@ fn best(fits: &[SliceFit]) -> &SliceFit {
         .expect("a candidate")
 }
 
+/// What stands for a lobe where there is nothing to fit.
+const ABSENT: Lobe = Lobe { kappa: 1e-12, gamma: 1.0, beta: 0.0 };
+
+fn has_data(slice: &Slice) -> bool {
+    slice.mean.iter().any(|&f| f > 0.0)
+}
+
 /// The EM's result, polished jointly, and what grows lobe by lobe.
 fn starts(slice: &Slice, l2: &Slice, plan: Plan) -> Vec<SliceFit> {
-    if slice.len == 0 || l2.mean.iter().all(|&f| f <= 0.0) {
-        let absent = Lobe { kappa: 1e-12, gamma: 1.0, beta: 0.0 };
+    if !has_data(l2) {
         return vec![SliceFit {
-            lobes: vec![absent; plan.n_lobes],
+            lobes: vec![ABSENT; plan.n_lobes],
             objective: slice.bivariate_floor(),
             iterations: 0,
             status: Status::NoData,
@@ -295,6 +301,18 @@ fn match_channels(mut curves: Vec<Vec<SliceFit>>) -> Vec<Vec<SliceFit>> {
         *curve = curve.iter().map(|fit| permuted(fit, &order)).collect();
     }
     curves
+}
+
+/// For each slice the fits with 1, 2, ... `n_lobes` lobes, grown from one another (no azimuthal term).
+#[must_use]
+pub fn grow_all(slices: &[Slice], n_lobes: usize) -> Vec<Vec<Vec<Lobe>>> {
+    slices
+        .par_iter()
+        .map(|slice| match has_data(slice) {
+            true => grow(slice, n_lobes, false, scout(slice)),
+            false => (1..=n_lobes).map(|k| vec![ABSENT; k]).collect(),
+        })
+        .collect()
 }
 
 /// Slices (theta_d, channel) from moments (theta_d, channel, theta_h, moment), with `ln_cos` and `factor`

@@ -1,7 +1,7 @@
 //! The fit of all slices of a BRDF, and the EM of one slice.
 
 use dsbrdf_core::em::{expectation_maximisation, halved_start};
-use dsbrdf_core::fit::{Method, Plan, SliceFit, fit as fit_slices, slices};
+use dsbrdf_core::fit::{Method, Plan, SliceFit, fit as fit_slices, grow_all, slices};
 use dsbrdf_core::lobe::Lobe;
 use dsbrdf_core::profile::MOMENTS;
 use dsbrdf_core::slice::{Loss, Slice};
@@ -27,12 +27,7 @@ pub fn fit<'py>(
     follow: bool,
     log_offset: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let &[n_d, n_channels, n_h, MOMENTS] = moments.shape() else {
-        let got = moments.shape();
-        return Err(PyValueError::new_err(format!(
-            "'moments' must have shape (theta_d, channel, theta_h, {MOMENTS}), got {got:?}."
-        )));
-    };
+    let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
     let method = match method {
         "em" => Method::Em,
         "joint" => Method::Joint,
@@ -45,7 +40,7 @@ pub fn fit<'py>(
     let factor = shaped(&factor, &[n_d, n_h], "factor")?;
     let plan = Plan { n_lobes, method, azimuthal, follow };
     let fits = py.detach(|| {
-        let build = |loss| slices(moments, ln_cos, factor, [n_d, n_channels, n_h], loss);
+        let build = |loss| slices(moments, ln_cos, factor, shape, loss);
         let l2 = build(Loss::L2);
         match log_offset {
             None => fit_slices(&l2, &l2, n_channels, plan),
@@ -63,6 +58,38 @@ pub fn fit<'py>(
     result.set_item("status", fits.iter().map(|f| f.status as u8).collect::<Vec<_>>())?;
     result.set_item("em_history", fits.iter().map(|f| f.em_history.clone()).collect::<Vec<_>>())?;
     Ok(result)
+}
+
+/// The first three lengths of moments (theta_d, channel, theta_h, moment).
+fn profile_shape(moments: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[usize; 3]> {
+    match moments.shape() {
+        &[n_d, n_channels, n_h, MOMENTS] => Ok([n_d, n_channels, n_h]),
+        got => Err(PyValueError::new_err(format!(
+            "'moments' must have shape (theta_d, channel, theta_h, {MOMENTS}), got {got:?}."
+        ))),
+    }
+}
+
+/// kappa and gamma (theta_d, channel, lobe) of the fits with 1, 2, ... `n_lobes` lobes, grown from one another.
+#[pyfunction]
+pub fn grow<'py>(
+    py: Python<'py>,
+    moments: PyReadonlyArrayDyn<'py, f64>,
+    ln_cos: PyReadonlyArrayDyn<'py, f64>,
+    n_lobes: usize,
+) -> PyResult<Vec<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)>> {
+    let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
+    let moments = elements(&moments, "moments")?;
+    let ln_cos = shaped(&ln_cos, &[n_d, n_h], "ln_cos")?;
+    let fits = py.detach(|| {
+        let factor = vec![0.0; n_d * n_h];
+        grow_all(&slices(moments, ln_cos, &factor, shape, Loss::L2), n_lobes)
+    });
+    let part = |k: usize, part: fn(&Lobe) -> f64| {
+        let values = fits.iter().flat_map(|grown| &grown[k - 1]).map(part).collect();
+        PyArray1::from_vec(py, values).reshape([n_d, n_channels, k].as_slice())
+    };
+    (1..=n_lobes).map(|k| Ok((part(k, |l| l.kappa)?, part(k, |l| l.gamma)?))).collect()
 }
 
 fn lobes<'py>(

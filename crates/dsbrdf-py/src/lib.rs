@@ -12,7 +12,7 @@ mod _core {
     #[pymodule_export]
     use crate::evaluation::{eval, first_not_unit};
     #[pymodule_export]
-    use crate::fitting::{em, fit};
+    use crate::fitting::{em, fit, grow};
     #[pymodule_export]
     use crate::profiles::{collapse, decreasing};
 }

@@ -1,0 +1,389 @@
+"""The `dsbrdf` command: parse, call, print.
+
+What fails is told in one line on standard error, `dsbrdf: error: ...`, with exit status 1, or 2 for a command that
+cannot be understood. Numeric modules are imported where they are used, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import math
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from dsbrdf.fit import Fit
+    from dsbrdf.measured.brdf import MeasuredBRDF
+
+__all__ = ["app", "main"]
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class Loss(str, Enum):
+    """Losses of a fit."""
+
+    l2 = "l2"
+    log = "log"
+
+
+@dataclass
+class _State:
+    """What all commands share: whether to show tracebacks, and what is being worked on, for warnings."""
+
+    debug: bool = False
+    about: str = ""
+
+    def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        about = f"{self.about}: " if self.about else ""
+        _say(f"warning: {about}{message}")
+
+
+def _say(text: str) -> None:
+    """One line to standard error."""
+    print("dsbrdf:", " ".join(text.split("\n")), file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the process by default.
+    """
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    # Wherever it stands, --debug holds
+    state = _State(debug="--debug" in arguments)
+    arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
+    with warnings.catch_warnings():
+        warnings.showwarning = state.show_warning
+        try:
+            status = _invoke(arguments, state)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_output()
+            return 1
+        except (KeyboardInterrupt, Exception) as error:
+            if state.debug:
+                raise
+            _discard_output()
+            return _report(error)
+    return status
+
+
+def _invoke(arguments: list[str], state: _State) -> int:
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context("dsbrdf", arguments, obj=state) as context:
+            command.invoke(context)
+    except typer.Exit as end:
+        return int(end.exit_code)
+    return 0
+
+
+def _report(error: BaseException) -> int:
+    """Tell of an error in one line, and return the exit status."""
+    if isinstance(error, KeyboardInterrupt):
+        _say("interrupted")
+        return INTERRUPTED
+    usage = getattr(error, "format_message", None)
+    if usage is not None:
+        context = getattr(error, "ctx", None)
+        _say(f"error: {usage()} Try '{context.command_path if context else 'dsbrdf'} --help'.")
+        return int(getattr(error, "exit_code", 2))
+    _say(f"error: {_describe(error)}")
+    return 1
+
+
+def _describe(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'standard output'}: {error.strerror}."
+    if isinstance(error, OSError | ValueError | ImportError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory."
+    return f"unexpected {type(error).__name__}: {error}. Please report it, with what --debug prints."
+
+
+def _discard_output() -> None:
+    """Send what is left in the buffer of a broken standard output nowhere, so that Python ends quietly."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with contextlib.suppress(OSError), open(os.devnull, "w") as nowhere:  # noqa: PTH123
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from dsbrdf import __version__
+
+        print(f"dsbrdf {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
+) -> None:
+    """Directional statistics BRDF model: measured reflectance to a few lobes, and back."""
+
+
+@app.command()
+def demo(
+    context: typer.Context,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for models and plots.")
+    ] = Path("dsbrdf-demo"),
+) -> None:
+    """Fit the built-in materials, print how good the fits are, and write models and plots."""
+    from dsbrdf import demo as demonstration
+    from dsbrdf import materials, report
+
+    _check_folder(out)
+    missing = _missing_plots()
+    if missing:
+        _say(f"note: no plots: {missing}")
+    with _progress(context.obj, len(materials.names()) + (not missing)) as step:
+        rows = demonstration.run(out, plots=not missing, step=step)
+    console = report.console()
+    console.print(report.demo_table(rows))
+    console.print(report.FLOORS)
+    written = "Models" if missing else f"Models and plots (all at a glance: {demonstration.OVERVIEW})"
+    console.print(f"{written} are in {out}.", soft_wrap=True)
+
+
+@app.command()
+def fit(
+    context: typer.Context,
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE...",
+            help="MERL .binary files, folders of them, or names of built-in materials.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write each model to DIR/<name>.json.")
+    ] = None,
+    lobes: Annotated[int, typer.Option(min=1, max=10, help="Lobes in each slice and channel.")] = 3,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="The paper's model: no azimuthal term, lobes ordered by kappa.")
+    ] = False,
+    loss: Annotated[
+        Loss, typer.Option(help="Squared differences (the paper), or of logarithms, for the tails.")
+    ] = Loss.l2,
+    slices: Annotated[int, typer.Option(min=1, help="Slices in theta_d; 18 is every 5 degrees.")] = 18,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
+) -> None:
+    """Fit measured BRDFs, and print how good the fits are."""
+    if plot and out is None:
+        raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
+    if plot and (missing := _missing_plots()):
+        raise ModuleNotFoundError(missing)
+    if out is not None:
+        _check_folder(out)
+    options: dict[str, Any] = {"n_lobes": lobes, "loss": loss.value, "n_slices": slices}
+    if paper:
+        options |= {"azimuthal": False, "order": "kappa"}
+    state: _State = context.obj
+    problems: list[str] = []
+    targets = _targets(files, state, problems)
+    summaries: list[dict[str, Any]] = []
+    try:
+        with _progress(state, len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
+            for result, path in _fits(targets, options, out, state, problems, step):
+                if path is not None:
+                    _write(result, path, plot)
+                summaries.append({**result.summary(), "model": None if path is None else str(path)})
+                if as_json:
+                    print(_json(summaries[-1]), flush=True)
+    finally:
+        if summaries and not as_json:
+            _print_fits(summaries, out)
+        for problem in problems:
+            _say(f"error: {problem}")
+    if problems:
+        raise typer.Exit(1)
+
+
+@app.command()
+def info(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model that was written by fit or demo.")],
+) -> None:
+    """Print what a model holds: its source, options, errors, lobes and albedos."""
+    from dsbrdf import model_file, report
+
+    console = report.console()
+    for table in report.model_tables(model_file.load(model)):
+        console.print(table)
+
+
+def _targets(files: Sequence[str], state: _State, problems: list[str]) -> list[str]:
+    """Files and names of materials, with folders replaced by the .binary files in them."""
+    targets: list[str] = []
+    for file in files:
+        path = Path(file)
+        with _collect(problems, file, state):
+            if not path.is_dir():
+                targets.append(file)
+                continue
+            inside = sorted(str(entry) for entry in path.iterdir() if entry.suffix.lower() == ".binary")
+            if not inside:
+                raise ValueError(f"{file}: no .binary file in this folder.")
+            targets += inside
+    return targets
+
+
+def _fits(
+    targets: Sequence[str],
+    options: dict[str, Any],
+    out: Path | None,
+    state: _State,
+    problems: list[str],
+    step: Callable[[str], None],
+) -> Iterator[tuple[Fit, Path | None]]:
+    """Fit after fit, and where its model is to be written; what cannot be fitted goes to `problems`."""
+    from dsbrdf.fit import fit as fit_brdf
+
+    taken: dict[Path, str] = {}
+    for target in targets:
+        step(target)
+        result, path = None, None
+        with _collect(problems, target, state):
+            measured = _open(target)
+            if out is not None:
+                path = out / f"{measured.name}.json"
+                if path in taken:
+                    raise ValueError(f"{path} is already the model of {taken[path]}. Give it another folder.")
+                taken[path] = target
+            result = fit_brdf(measured, **options)
+        if result is not None:
+            yield result, path
+
+
+def _open(target: str) -> MeasuredBRDF:
+    """The measured file, or else the built-in material, that the user named."""
+    from dsbrdf import materials
+    from dsbrdf.measured import read
+
+    if Path(target).exists():
+        return read(target)
+    if target in materials.names():
+        return materials.material(target)
+    if Path(target).suffix or Path(target).name != target:
+        raise ValueError(f"{target}: no such file.")
+    try:
+        return materials.material(target)
+    except ValueError as error:
+        raise ValueError(f"{target}: no such file, and {error}") from None
+
+
+def _write(result: Fit, path: Path, plot: bool) -> None:
+    result.model.save(path)
+    if plot:
+        from dsbrdf import plot as figures
+
+        figures.write_figure(figures.fit_figure(result), path.with_name(f"{path.stem}.png"))
+        figures.write_figure(
+            figures.parameter_figure(result.model), path.with_name(f"{path.stem}-parameters.png")
+        )
+
+
+def _print_fits(summaries: Sequence[dict[str, Any]], out: Path | None) -> None:
+    from dsbrdf import report
+
+    console = report.console()
+    console.print(report.fit_table(summaries))
+    console.print(report.FLOORS)
+    if out is not None:
+        console.print(f"Models are in {out}.", soft_wrap=True)
+
+
+def _json(summary: dict[str, Any]) -> str:
+    """One line of JSON, null for what is not a number."""
+    finite = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in summary.items()
+    }
+    return json.dumps(finite)
+
+
+@contextlib.contextmanager
+def _collect(problems: list[str], about: str, state: _State) -> Iterator[None]:
+    """Note what is wrong with one file, and go on."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        if state.debug:
+            raise
+        text = _describe(error)
+        problems.append(text if about in text else f"{about}: {text}")
+
+
+def _check_folder(folder: Path) -> None:
+    """Fail before the work is done if `folder` is none, or cannot be made or written to."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(existing))
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
+
+
+def _missing_plots() -> str:
+    """Why there can be no plots, empty if there can."""
+    try:
+        from dsbrdf import plot  # noqa: F401
+    except ModuleNotFoundError as error:
+        return str(error)
+    return ""
+
+
+@contextlib.contextmanager
+def _progress(state: _State, total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
+    """Function to announce each of `total` pieces of work; shown on standard error if that is a terminal."""
+
+    def note(about: str) -> None:
+        state.about = about
+
+    if not (shown and total > 1 and sys.stderr.isatty()):
+        yield note
+        state.about = ""
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
+    # Standard output may be going elsewhere: leave it alone
+    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
+        task = bar.add_task("", total=total, completed=-1)
+
+        def advance(about: str) -> None:
+            note(about)
+            bar.update(task, description=about, advance=1)
+
+        yield advance
+    state.about = ""

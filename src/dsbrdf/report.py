@@ -1,0 +1,145 @@
+"""Tables of fits and models for a terminal."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from dsbrdf.demo import DemoRow
+    from dsbrdf.model import DSBRDF
+
+__all__ = ["FLOORS", "console", "demo_table", "fit_table", "model_tables"]
+
+#: What the columns of `fit_table` and `demo_table` mean.
+FLOORS = (
+    "Errors are relative RMS in %. Floors, the least error possible: bivariate, of any function of "
+    "(theta_h, theta_d); monotone, of one that falls with theta_h; azimuthal, with a cos(2 phi_d) term added."
+)
+#: Incident angles in degrees at which albedos are told.
+ALBEDO_ANGLES = (0, 45, 75)
+#: Columns of a table that goes to a file or a pipe.
+PLAIN_WIDTH = 160
+
+
+def console() -> Console:
+    """Writer to standard output; it takes text as it is, and wide lines where there is no terminal."""
+    width = None if sys.stdout.isatty() else PLAIN_WIDTH
+    return Console(width=width, markup=False, highlight=False, emoji=False)
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="right" if i else "left", overflow="fold")
+    return table
+
+
+def _percent(value: float) -> str:
+    return f"{100.0 * value:.2f}" if math.isfinite(value) else "-"
+
+
+def _errors(numbers: Mapping[str, Any]) -> list[str]:
+    keys = ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor")
+    return [_percent(numbers[key]) for key in keys]
+
+
+def fit_table(summaries: Iterable[Mapping[str, Any]]) -> Table:
+    """One line a fit, of its `Fit.summary`."""
+    table = _table(
+        "material",
+        "lobes",
+        "error\n%",
+        "bivar.\nfloor",
+        "monot.\nfloor",
+        "azim.\nfloor",
+        "log\nrms",
+        "time\nms",
+    )
+    for row in summaries:
+        rest = (f"{row['log_rms']:.3f}", f"{1e3 * row['seconds']:.0f}")
+        table.add_row(row["name"], str(row["n_lobes"]), *_errors(row), *rest)
+    return table
+
+
+def demo_table(rows: Iterable[DemoRow]) -> Table:
+    """One line a built-in material, with its albedo and the size of its model against the table's."""
+    table = _table(
+        "material", "lobes", "error\n%", "bivar.\nfloor", "monot.\nfloor", "azim.\nfloor",
+        "albedo\nat 0 deg", "time\nms", "model\nkB", "table\n/ model",
+    )  # fmt: skip
+    for row in rows:
+        summary = row.fit.summary()
+        table.add_row(
+            summary["name"],
+            str(summary["n_lobes"]),
+            *_errors(summary),
+            f"{row.albedo:.3f}",
+            f"{1e3 * summary['seconds']:.0f}",
+            f"{row.model_bytes / 1e3:.1f}",
+            f"{row.table_bytes / row.model_bytes:,.0f}",
+        )
+    return table
+
+
+def model_tables(model: DSBRDF) -> list[Table]:
+    """What a model holds: where it comes from, its lobes and its albedos."""
+    return [_origin(model), _lobes(model), _albedos(model)]
+
+
+def _origin(model: DSBRDF) -> Table:
+    import numpy as np
+
+    source = model.source.to_json()
+    low, high = np.rad2deg(model.theta_d[[0, -1]])
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column()
+    table.add_column(overflow="fold")
+    table.add_row("name", model.name or "-")
+    for label, key in (("file", "file"), ("SHA-256", "sha256"), ("description", "description")):
+        if source.get(key):
+            table.add_row(label, str(source[key]))
+    table.add_row(
+        "lobes", f"{model.n_lobes} in each of {model.n_channels} channels and {len(model.theta_d)} slices"
+    )
+    table.add_row("theta_d", f"{low:.1f} to {high:.1f} degrees")
+    if model.fit_options:
+        table.add_row("fit", ", ".join(_option(*item) for item in model.fit_options.items()))
+    for key, value in model.errors.items():
+        number = isinstance(value, int | float)
+        table.add_row(key.replace("_", " "), f"{_percent(value)} %" if number else str(value))
+    return table
+
+
+def _option(name: str, value: Any) -> str:
+    if name == "min_theta_h" and isinstance(value, int | float):
+        return f"{name} {math.degrees(value):g} degrees"
+    return f"{name} {'yes' if value is True else 'no' if value is False else value}"
+
+
+def _lobes(model: DSBRDF) -> Table:
+    table = _table(
+        "lobe", *(f"{symbol}{end}" for symbol in ("kappa", "gamma", "beta") for end in (" from", " to"))
+    )
+    for k in range(model.n_lobes):
+        parts = [getattr(model, symbol)[..., k] for symbol in ("kappa", "gamma", "beta")]
+        table.add_row(str(k), *(f"{x:.4g}" for part in parts for x in (part.min(), part.max())))
+    return table
+
+
+def _albedos(model: DSBRDF) -> Table:
+    import numpy as np
+
+    names: Sequence[str] = ("red", "green", "blue")
+    if model.n_channels != len(names):
+        names = [f"channel {i}" for i in range(model.n_channels)]
+    table = _table("albedo at", *names)
+    for angle, values in zip(ALBEDO_ANGLES, model.albedo(np.deg2rad(ALBEDO_ANGLES)), strict=True):
+        table.add_row(f"{angle} degrees", *(f"{value:.3f}" for value in values))
+    return table
