@@ -319,7 +319,8 @@ def print_ingredients() -> None:
     print("| b / a at theta_d, theta_h |", *(f" {d}, {h} |" for d, h in POINTS), " without | with |", sep="")
     print("|---|" + "---|" * (len(POINTS) + 2))
     for name, reflectance in INGREDIENTS.items():
-        cells = [f"{modulation(reflectance, h, d)[0]:+.3f}" for d, h in degrees]
+        ratios = [modulation(reflectance, h, d)[0] for d, h in degrees]
+        cells = ["0" if abs(ratio) < 5e-4 else f"{ratio:+.3f}" for ratio in ratios]
         if "seen through" in name:
             cells += ["", ""]
         else:

@@ -1,4 +1,4 @@
-"""Shared fixtures: random numbers, small tables, a file in the layout of MERL, and the folder of measured data."""
+"""Shared fixtures: random numbers, small tables, a file in the layout of MERL, the measured data."""
 
 import dataclasses
 import os
@@ -25,7 +25,7 @@ def rng():
 
 
 def closed_form(n_channels):
-    """A cheap reflectance that varies with all three angles: a base, a lobe that is stretched over phi_d, a rim."""
+    """A cheap reflectance of all three angles: a base that rises, a lobe stretched over phi_d, a rim."""
     channel = np.arange(n_channels)
 
     def reflectance(wi, wo):
@@ -34,8 +34,9 @@ def closed_form(n_channels):
         tan2 = (half[..., 0] ** 2 + half[..., 1] ** 2) / np.maximum(half[..., 2] ** 2, 1e-30)
         away = (wi - wo)[..., 2] ** 2
         lobe = np.exp(-tan2[..., None] / (0.05 + 0.1 * channel)) * (1.0 + away[..., None])
+        rise = 0.1 + 0.4 * tan2 / (1.0 + tan2)
         rim = (1.0 - np.sqrt(squared) / 2.0) ** 5
-        return 0.1 * (1.0 + channel) + 2.0 * lobe + rim[..., None]
+        return rise[..., None] * (1.0 + channel) + 2.0 * lobe + rim[..., None]
 
     return reflectance
 
@@ -58,7 +59,7 @@ def small_table(make_table):
 
 @pytest.fixture(scope="session")
 def damaged_table(small_table):
-    """`small_table` in other units and with every kind of invalid entry, and theta_h that have none but these."""
+    """`small_table` in other units, with every kind of invalid entry, and with theta_h that have no other."""
     rng = np.random.default_rng(5)
     scale = np.array([0.5, 2.0, 1.0 / 3.0])
     planes = small_table.planes / scale[:, None, None, None]

@@ -21,7 +21,11 @@ def refused(function, *args, text, **kwargs):
         (-0.3, {"low": 0.0}, "'x' must be >= 0 and finite, got -0.3."),
         (0.0, {"low": 0.0, "open_low": True}, "'x' must be > 0 and finite, got 0."),
         ([1.0, 2.5], {"high": 2.0}, "'x' must be <= 2 and finite, got 2.5 at index 1."),
-        ([[0.0, 3.0]], {"low": -1.0, "high": 1.0}, "'x' must be >= -1 and <= 1 and finite, got 3 at index (0, 1)."),
+        (
+            [[0.0, 3.0]],
+            {"low": -1.0, "high": 1.0},
+            "'x' must be >= -1 and <= 1 and finite, got 3 at index (0, 1).",
+        ),
         (np.nan, {}, "'x' must be finite, got nan."),
         ([0.0, -np.inf, np.nan], {}, "'x' must be finite, got -inf at index 1."),
         ([1, 2, np.inf], {"low": 0.0}, "'x' must be >= 0 and finite, got inf at index 2."),
@@ -44,7 +48,11 @@ def test_finite_gives_float64_and_takes_the_limits_themselves():
     [
         (85.0, np.pi / 2, f"'x' must lie in [0, pi/2] radians, got 85. {DEGREES}"),
         ([0.1, -0.2], np.pi / 2, f"'x' must lie in [0, pi/2] radians, got -0.2 at index 1. {DEGREES}"),
-        ([[0.1], [np.nan]], np.pi / 2, f"'x' must lie in [0, pi/2] radians, got nan at index (1, 0). {DEGREES}"),
+        (
+            [[0.1], [np.nan]],
+            np.pi / 2,
+            f"'x' must lie in [0, pi/2] radians, got nan at index (1, 0). {DEGREES}",
+        ),
         (np.inf, np.pi / 2, f"'x' must lie in [0, pi/2] radians, got inf. {DEGREES}"),
         (4.0, 3.0, f"'x' must lie in [0, 3] radians, got 4. {DEGREES}"),
     ],
@@ -58,14 +66,18 @@ def test_angle_clips_rounding_errors_of_either_precision():
     assert float(single) > np.pi / 2
     clipped = _check.angle([-1e-12, single, np.nextafter(single, np.float32(2.0))], "x")
     np.testing.assert_array_equal(clipped, [0.0, np.pi / 2, np.pi / 2])
-    refused(_check.angle, np.pi / 2 + 1e-4, "x", text=f"'x' must lie in [0, pi/2] radians, got 1.5709. {DEGREES}")
+    refused(
+        _check.angle, np.pi / 2 + 1e-4, "x", text=f"'x' must lie in [0, pi/2] radians, got 1.5709. {DEGREES}"
+    )
 
 
 @pytest.mark.parametrize(
     ("value", "shape"), [(1.0, "()"), ([1.0, 0.0], "(2,)"), (np.zeros((3, 4)), "(3, 4)"), ([], "(0,)")]
 )
 def test_unit_vectors_need_three_components(value, shape):
-    refused(_check.unit_vectors, value, "wi", text=f"'wi' must have x, y, z on its last axis, got shape {shape}.")
+    refused(
+        _check.unit_vectors, value, "wi", text=f"'wi' must have x, y, z on its last axis, got shape {shape}."
+    )
 
 
 @pytest.mark.parametrize(

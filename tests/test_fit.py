@@ -9,17 +9,18 @@ import warnings
 
 import numpy as np
 import pytest
+import twin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.optimize import least_squares
+from tables import built_in, formula, lobes, objectives, of_model, quiet_fit, slice_samples, sums_of_squares
 
-import twin
-from dsbrdf import ConvergenceWarning, DSBRDF, FitStatus, fit, materials, slice_profiles, tabulate
+from dsbrdf import DSBRDF, ConvergenceWarning, FitStatus, fit, materials, read, tabulate
 from dsbrdf.fit import fit_profiles
 from dsbrdf.half_diff import azimuthal_factor
 from dsbrdf.metrics import LOG_OFFSET
 from dsbrdf.slices import SliceProfile
-from tables import built_in, formula, lobes, objectives, of_model, quiet_fit, slice_samples, sums_of_squares
 
 # Lobes that can be told apart: kappa, gamma, beta
 KNOWN = {
@@ -49,6 +50,12 @@ def test_finds_known_lobes(n_lobes, with_beta, azimuthal):
     np.testing.assert_allclose(fitted.model.beta, truth.beta, atol=1e-6)
 
 
+def unknowns(model, *at, azimuthal):
+    """x of the twin."""
+    x = [np.log(model.kappa[at]), np.log(model.gamma[at]), np.arcsin(model.beta[at])]
+    return np.stack(x[: 2 + azimuthal], axis=-1)
+
+
 def sample_jacobian(x, theta_h, theta_d, phi_d):
     """Derivatives (sample, unknown) of the model by x of the twin, by complex steps."""
     columns = []
@@ -72,25 +79,23 @@ def test_errors_under_noise_are_those_expected(n_lobes, azimuthal, rng):
     fitted = fit(measured, n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
     factor = azimuthal_factor(clean.theta_h, clean.theta_d[:, None])
 
-    def unknowns(model, *at):
-        x = [np.log(model.kappa[at]), np.log(model.gamma[at]), np.arcsin(model.beta[at])]
-        return np.stack(x[: 2 + azimuthal], axis=-1)
-
     distance, off = 0.0, []
     # Nearest to grazing, too few samples are above the horizon for the linear theory of errors
     for i, channel in np.ndindex(5, 3):
-        x = unknowns(truth, i, channel)
+        x = unknowns(truth, i, channel, azimuthal=azimuthal)
         f = clean.rows([i])[channel, :, 0]
         some = np.isfinite(f) & (clean.theta_h[:, None] >= np.deg2rad(1.0))
         theta_h, phi_d = (angle[some] for angle in np.broadcast_arrays(clean.theta_h[:, None], clean.phi_d))
         j = sample_jacobian(x, theta_h, clean.theta_d[i], phi_d)
         profile = fitted.profiles[i]
-        rows = twin.jacobian(x, twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h), factor[i]))
+        rows = twin.jacobian(
+            x, twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h), factor[i])
+        )
         np.testing.assert_allclose(rows.T @ rows, j.T @ j, rtol=1e-9, atol=1e-9 * (j**2).sum())
 
         hessian = np.linalg.inv(j.T @ j)
         covariance = hessian @ (j.T * (0.01 * f[some]) ** 2 @ j) @ hessian
-        error = (unknowns(fitted.model, i, channel) - x).ravel()
+        error = (unknowns(fitted.model, i, channel, azimuthal=azimuthal) - x).ravel()
         off.append(error / np.sqrt(covariance.diagonal()))
         distance += error @ np.linalg.solve(covariance, error)
     assert np.abs(off).max() < 4.5
@@ -150,7 +155,7 @@ def test_log_objective_is_its_counterpart(azimuthal):
         rest = np.where(valid, (samples - f[..., None]) - (values - model[..., None]), 0.0) ** 2
         objective = (logs + rest.sum(-1) / (f + LOG_OFFSET) ** 2).sum(-1)
         reported = [report.objective for report in fitted.slices[3 * i : 3 * i + 3]]
-        np.testing.assert_allclose(reported, objective, rtol=1e-8)
+        np.testing.assert_allclose(reported, objective, rtol=1e-6)
         assert profile.theta_d == fitted.slices[3 * i].theta_d
 
 
@@ -166,27 +171,38 @@ def test_log_rms_is_that_of_all_samples():
         samples, values = slice_samples(fitted, i)
         ratio = (values + LOG_OFFSET) / (samples + LOG_OFFSET)
         ratios.append(ratio[np.isfinite(ratio)])
-    np.testing.assert_allclose(fitted.log_rms, np.sqrt((np.log(np.concatenate(ratios)) ** 2).mean()), rtol=1e-10)
+    np.testing.assert_allclose(
+        fitted.log_rms, np.sqrt((np.log(np.concatenate(ratios)) ** 2).mean()), rtol=1e-10
+    )
 
 
-@pytest.mark.parametrize("name", MATERIALS)
-def test_converged_means_minimum(name):
-    """A Gauss-Newton step of the twin would gain next to nothing where the fit says that it converged."""
-    fitted = quiet_fit(built_in(name), 2, azimuthal=False)
-    seen = 0
-    for report, (i, channel) in zip(fitted.slices, np.ndindex(len(fitted.profiles), 3), strict=True):
-        if not report.status.ok:
+@pytest.mark.parametrize("azimuthal", [False, True])
+@pytest.mark.parametrize("name", ["polished-chrome", "glossy-plastic"])
+def test_converged_means_minimum(name, azimuthal):
+    """Where the fit says that it converged, SciPy goes on from there and finds nothing better."""
+    fitted = quiet_fit(built_in(name), 2, azimuthal=azimuthal)
+    drops = []
+    for report, (i, channel) in zip(fitted.slices, np.ndindex(18, 3), strict=True):
+        if i % 4 or not report.status.ok:
             continue
         profile = fitted.profiles[i]
-        s = twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h))
-        x = np.log(np.stack([fitted.model.kappa[i, channel], fitted.model.gamma[i, channel]], axis=-1))
-        residual, j = twin.residual(x, s), twin.jacobian(x, s)
-        free = (np.abs(x) < [[39.9, 13.9]]).ravel() & (x < twin.bounds(s)[1] - 1e-6).ravel()
-        step = np.linalg.lstsq(j[:, free], residual)[0]
-        gain = ((j[:, free] @ step) ** 2).sum()
-        assert gain <= 1e-4 * report.objective + 1e-12 * (s.w_a * s.mean @ (s.w_a * s.mean))
-        seen += 1
-    assert seen >= 20
+        factor = azimuthal_factor(profile.theta_h, profile.theta_d)
+        s = twin.make_slice(profile.moments[channel], twin.ln_cos(profile.theta_h), factor)
+        x = unknowns(fitted.model, i, channel, azimuthal=azimuthal)
+        low, high = (
+            [*limits, limit][: x.shape[1]] * len(x)
+            for limits, limit in zip(twin.bounds(s), (-1.57, 1.57), strict=True)
+        )
+        best = least_squares(
+            lambda y, s=s, x=x: twin.residual(y.reshape(x.shape), s),
+            np.clip(x.ravel(), np.add(low, 1e-9), np.add(high, -1e-9)),
+            lambda y, s=s, x=x: twin.jacobian(y.reshape(x.shape), s),
+            bounds=(low, high),
+            x_scale="jac",
+        )
+        drops.append(1.0 - twin.objective(best.x.reshape(x.shape), s) / report.objective)
+    assert len(drops) >= 10
+    assert max(drops) < 1e-3
 
 
 def test_same_bits_however_many_threads():
@@ -221,7 +237,7 @@ def crossing(n_slices=9):
     """Two lobes, of which the flat one overtakes the narrow one in kappa."""
     theta_d = np.pi / 2 * (np.arange(n_slices) + 0.5) / n_slices
     t = np.linspace(0.0, 1.0, n_slices)
-    kappa = np.stack([2.0 * 0.2**t, 0.4 * 5.0**t], axis=-1)
+    kappa = np.stack([2.5 * 0.2**t, 0.4 * 5.0**t], axis=-1)
     gamma = np.broadcast_to([80.0, 1.5], kappa.shape)
     shape = (n_slices, 1, 2)
     return DSBRDF(theta_d, kappa.reshape(shape), gamma.reshape(shape), np.zeros(shape))
@@ -306,13 +322,18 @@ def test_says_what_is_wrong_with_an_option(options, text):
 
 
 def test_warns_once_and_points_at_the_caller():
-    with pytest.warns(ConvergenceWarning, match=r"of 54 slices \(theta_d=.*channel.*out of iterations") as caught:
+    with pytest.warns(
+        ConvergenceWarning, match=r"of 54 slices \(theta_d=.*channel.*out of iterations"
+    ) as caught:
         fitted = fit(built_in("polished-chrome"), 3, method="em")
     assert len(caught) == 1
     assert caught[0].filename == __file__
     late = [report for report in fitted.slices if not report.status.ok]
     assert caught[0].message.args[0].startswith(f"{len(late)} of 54 slices")
-    assert all(report.status is FitStatus.MAX_ITERATIONS and "fewer lobes" in report.status.message for report in late)
+    assert all(
+        report.status is FitStatus.MAX_ITERATIONS and "fewer lobes" in report.status.message
+        for report in late
+    )
     assert np.isfinite(fitted.model.kappa).all()
 
 
@@ -347,7 +368,11 @@ def test_empty_slices_take_the_nearest_lobes():
 
 
 def constant(value, channels=3, shape=(20, 6, 12)):
-    return tabulate(lambda wi, wo: np.full((*np.broadcast(wi[..., 0], wo[..., 0]).shape, channels), value), "", shape=shape)
+    return tabulate(
+        lambda wi, wo: np.full((*np.broadcast(wi[..., 0], wo[..., 0]).shape, channels), value),
+        "",
+        shape=shape,
+    )
 
 
 @pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"order": "kappa"}])
@@ -401,7 +426,9 @@ def test_small_tables(shape, options):
     measured = tabulate(materials.get("satin-plastic").reflectance, "", shape=shape)
     fitted = quiet_fit(measured, 2, n_slices=shape[1], perimeter_mask=False, **options)
     rounding = 1e-13 * fitted.errors.energy.max()
-    np.testing.assert_allclose(fitted.errors.squares.ravel(), sums_of_squares(fitted), rtol=1e-9, atol=rounding)
+    np.testing.assert_allclose(
+        fitted.errors.squares.ravel(), sums_of_squares(fitted), rtol=1e-9, atol=rounding
+    )
 
 
 # Adversarial profiles
@@ -426,7 +453,13 @@ def profiles(draw):
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, database=None)
-@given(profiles(), st.integers(1, 4), st.booleans(), st.sampled_from(["l2", "log"]), st.sampled_from(["follow", "kappa"]))
+@given(
+    profiles(),
+    st.integers(1, 4),
+    st.booleans(),
+    st.sampled_from(["l2", "log"]),
+    st.sampled_from(["follow", "kappa"]),
+)
 def test_survives_any_profile(slices, n_lobes, azimuthal, loss, order):
     if not any(profile.count.any() for profile in slices):
         return
@@ -452,9 +485,10 @@ def test_survives_any_profile(slices, n_lobes, azimuthal, loss, order):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["nickel", "orange-paint", "specular-blue-phenolic"])
 def test_promises_hold_on_decoded_materials(decoded, name):
-    measured = decoded(name)
+    measured = read(decoded(name))
     em, plain, default = (
-        objectives(quiet_fit(measured, 3, **options)) for options in ({"method": "em"}, {"azimuthal": False}, {})
+        objectives(quiet_fit(measured, 3, **options))
+        for options in ({"method": "em"}, {"azimuthal": False}, {})
     )
     assert (plain <= em * (1.0 + 1e-12)).all()
     assert (default <= em * (1.0 + 1e-12)).all()

@@ -1,4 +1,4 @@
-"""Half and difference angles (Eq. 2): both ways, against rotation matrices, symmetries and degenerate pairs."""
+"""Half and difference angles (Eq. 2): both ways, against rotation matrices, symmetries, degenerate pairs."""
 
 import numpy as np
 import pytest
@@ -235,8 +235,16 @@ def test_arguments_are_not_written_to():
 @pytest.mark.parametrize(
     ("wi", "wo", "text"),
     [
-        ([0.0, 0.0, 0.5], [0.0, 0.0, 1.0], r"'wi' must be unit vectors on the last axis, got norm 0\.5\. Divide"),
-        ([0.0, 0.0, 1.0], [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]], r"'wo' must be unit .* got norm 2 at index 1\."),
+        (
+            [0.0, 0.0, 0.5],
+            [0.0, 0.0, 1.0],
+            r"'wi' must be unit vectors on the last axis, got norm 0\.5\. Divide",
+        ),
+        (
+            [0.0, 0.0, 1.0],
+            [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]],
+            r"'wo' must be unit .* got norm 2 at index 1\.",
+        ),
         ([0.0, 1.0], [0.0, 0.0, 1.0], r"'wi' must have x, y, z on its last axis, got shape \(2,\)\."),
         ([0.0, 0.0, 1.0], 1.0, r"'wo' must have x, y, z on its last axis, got shape \(\)\."),
         ([0.0, 0.0, np.nan], [0.0, 0.0, 1.0], r"'wi' must be unit vectors .* got norm nan\."),
@@ -286,7 +294,9 @@ def test_azimuthal_factor_sets_in_at_its_width_and_saturates():
     below = np.arctan(1e-6 * np.tan(at_width))
     assert_allclose(azimuthal_factor(below, theta_d), 1e-6, rtol=1e-10)
     assert_allclose(azimuthal_factor(np.pi / 2, theta_d), 1.0, rtol=1e-15)
-    assert_allclose(1 - azimuthal_factor(1.0, 1.0), 0.5 * (AZIMUTHAL_WIDTH / np.tan(1.0) ** 2) ** 2, rtol=1e-3)
+    assert_allclose(
+        1 - azimuthal_factor(1.0, 1.0), 0.5 * (AZIMUTHAL_WIDTH / np.tan(1.0) ** 2) ** 2, rtol=1e-3
+    )
 
 
 def test_azimuthal_factor_rises_with_theta_h():

@@ -36,13 +36,17 @@ def test_reading_values_leaves_the_numbers_as_they_are(damaged_table):
         np.asfortranarray,
         lambda planes: np.repeat(planes, 2, axis=-1)[..., ::2],
         lambda planes: planes.astype(">f8"),
-        lambda planes: np.frombuffer(b"\0" * 4 + planes.tobytes(), np.uint8)[4:].view("<f8").reshape(planes.shape),
+        lambda planes: (
+            np.frombuffer(b"\0" * 4 + planes.tobytes(), np.uint8)[4:].view("<f8").reshape(planes.shape)
+        ),
         lambda planes: planes.tolist(),
     ],
     ids=["fortran", "strided", "big-endian", "unaligned read-only", "list"],
 )
 def test_any_memory_layout_gives_the_same(damaged_table, other):
-    same = dataclasses.replace(damaged_table, planes=other(damaged_table.planes), scale=list(damaged_table.scale))
+    same = dataclasses.replace(
+        damaged_table, planes=other(damaged_table.planes), scale=list(damaged_table.scale)
+    )
     assert_array_equal(same.values, damaged_table.values)
     assert_array_equal(same.moments([1, 7]), damaged_table.moments([1, 7]))
 
@@ -60,7 +64,10 @@ def test_an_array_of_the_right_kind_is_not_copied(small_table):
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"planes": np.zeros((12, 18, 20))}, r"'planes' must be \(channel, theta_h, theta_d, phi_d\), got shape \(12"),
+        (
+            {"planes": np.zeros((12, 18, 20))},
+            r"'planes' must be \(channel, theta_h, theta_d, phi_d\), got shape \(12",
+        ),
         ({"scale": np.ones(1)}, r"'scale' must have shape \(3,\) for 'planes' of .*, got \(1,\)\.$"),
         ({"scale": 1.0}, r"'scale' must have shape \(3,\) for 'planes' of .*, got \(\)\.$"),
         ({"theta_h": np.zeros(18)}, r"'theta_h' must have shape \(12,\) for .*, got \(18,\)\.$"),
@@ -116,7 +123,9 @@ def test_reflectance_may_give_read_only_lists_and_single_precision():
         assert set(np.unique(measured.planes)) == {-1.0, 0.25}
 
 
-@pytest.mark.parametrize("result", [0.5, np.ones(3), np.ones((8, 8)), np.ones((8, 1, 3)), np.ones((5, 8, 8, 3))])
+@pytest.mark.parametrize(
+    "result", [0.5, np.ones(3), np.ones((8, 8)), np.ones((8, 1, 3)), np.ones((5, 8, 8, 3))]
+)
 def test_reflectance_of_another_shape_is_refused(result):
     with pytest.raises(ValueError, match=r"^'reflectance' must return shape \(8, 8, channel\), got \("):
         tabulate(lambda wi, wo: result, "x", shape=(5, 8, 8))  # noqa: ARG005

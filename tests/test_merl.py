@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsbrdf import MeasuredBRDF, MerlFormatError, read, read_merl, write_merl
+from dsbrdf.half_diff import to_directions
 from dsbrdf.measured import merl
 from dsbrdf.measured.brdf import cell_angles
 
@@ -121,7 +122,10 @@ def test_edge_is_the_lower_edge_of_the_cell(merl_file):
 def test_centres_lie_between_the_edges_at_any_size():
     for shape in [(90, 90, 180), (1, 1, 1), (7, 3, 5)]:
         for centre, edge, end in zip(
-            cell_angles("centre", shape), cell_angles("edge", shape), (np.pi / 2, np.pi / 2, np.pi), strict=True
+            cell_angles("centre", shape),
+            cell_angles("edge", shape),
+            (np.pi / 2, np.pi / 2, np.pi),
+            strict=True,
         ):
             upper = np.append(edge[1:], end)
             assert (edge < centre).all()
@@ -216,14 +220,14 @@ def test_interrupted_writing_leaves_what_was_there(zeros, tmp_path, monkeypatch,
         path.write_bytes(before)
     sizes = []
 
-    def astype_fails_on_the_second_plane(valid, stored, invalid):
+    def fails_on_the_second_plane(valid, _stored, invalid):
         if sizes:
             raise stop
         sizes.append([file.stat().st_size for file in folder.iterdir() if file != path])
         return np.full(valid.shape, invalid)
 
     measured = read_merl(zeros)
-    monkeypatch.setattr(merl.np, "where", astype_fails_on_the_second_plane)
+    monkeypatch.setattr(merl.np, "where", fails_on_the_second_plane)
     with pytest.raises(type(stop)) as caught:
         write_merl(measured, path)
     monkeypatch.undo()
@@ -344,10 +348,8 @@ def test_any_other_size_is_refused(tmp_path_factory, size):
 
 @pytest.mark.shared
 def test_decoded_file_has_the_share_of_valid_entries_that_the_horizon_leaves(decoded):
-    """The decoder takes entries at the lower edges of the cells, and marks what is below the horizon there."""
+    """The decoder takes entries at the lower edges of cells, and marks what is below the horizon there."""
     measured = read_merl(decoded("red-phenolic"), convention="edge")
-    from dsbrdf.half_diff import to_directions
-
     angles = np.meshgrid(measured.theta_h, measured.theta_d, measured.phi_d, indexing="ij")
     wi, wo = to_directions(*angles)
     height = np.minimum(wi[..., 2], wo[..., 2])

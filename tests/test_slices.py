@@ -313,7 +313,12 @@ def test_samples_of_single_precision_and_strided_views_are_taken(rng):
     ],
 )
 def test_bad_samples_are_refused(changes, text):
-    samples = {"theta_d": 0.1, "theta_h": [0.1, 0.2], "phi_d": [0.0, 1.0], "values": np.ones((2, 3))} | changes
+    samples = {
+        "theta_d": 0.1,
+        "theta_h": [0.1, 0.2],
+        "phi_d": [0.0, 1.0],
+        "values": np.ones((2, 3)),
+    } | changes
     with pytest.raises(ValueError, match=text):
         gather_profile(**samples)
 

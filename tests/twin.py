@@ -6,8 +6,7 @@ The unknowns of a slice are x, (lobe, 2) or (lobe, 3): ln kappa, ln gamma and, w
 from dataclasses import dataclass
 
 import numpy as np
-
-LANES = 8
+from scipy.optimize import least_squares
 
 
 def collapse(values, phi_d):
@@ -96,34 +95,13 @@ def bounds(s):
     return np.array([-40.0, -14.0]), np.array([np.log(np.log1p(100.0 * s.mean.max())), 14.0])
 
 
-def minimise(residual, jacobian, x, low, high, max_iterations, tolerance):
-    """Levenberg-Marquardt with Nielsen's damping and bounds."""
-    x = np.clip(x, low, high)
-    r, j = residual(x), jacobian(x)
-    cost, damping, growth = 0.5 * r @ r, 1e-3, 2.0
-    for _ in range(max_iterations):
-        h, gradient = j.T @ j, j.T @ r
-        if cost <= 0.0:
-            break
-        scale = np.maximum(h.diagonal(), 1e-30)
-        step = np.linalg.solve(h + damping * np.diag(scale), gradient)
-        trial = np.clip(x - step.reshape(x.shape), low, high)
-        predicted = 0.5 * step @ (gradient + damping * scale * step)
-        r_trial = residual(trial)
-        actual = cost - 0.5 * r_trial @ r_trial
-        if actual > 0.0:
-            small = max(actual, predicted) <= tolerance * cost
-            x, r, j, cost = trial, r_trial, jacobian(trial), cost - actual
-            if small:
-                break
-            damping *= np.clip(1.0 - (2.0 * actual / predicted - 1.0) ** 3, 0.1, 2.0)
-            growth = 2.0
-        elif predicted <= 1e-3 * tolerance * cost:
-            break
-        else:
-            damping *= growth
-            growth *= 2.0
-    return x
+def fit_lobe(x, s, target):
+    """Least-squares fit (2,) of one lobe to `target` from x (2,): the M-step, to its end."""
+    low, high = bounds(s)
+    options = {"x_scale": "jac", "bounds": (low, high), "max_nfev": 100}
+    start = np.clip(x, low + 1e-9, high - 1e-9)
+    rows, slopes = lambda y: residual(y[None], s, target), lambda y: jacobian(y[None], s)
+    return least_squares(rows, start, slopes, **options).x
 
 
 def estimate_lobe(s, target):
@@ -136,30 +114,18 @@ def estimate_lobe(s, target):
     return np.log([kappa, max(gamma, 1e-12)])
 
 
-def em(s, n_lobes, max_rounds, tolerance):
-    """The EM of Section 4 from the paper's start: x, the objective before and after each round, and whether it met
-    `tolerance`.
-    """
+def shares(x, s):
+    """Each lobe's share (lobe, theta_h) of the slice: its responsibility times the mean (E-step)."""
+    value = lobes(x, s.ln_cos)
+    total = value.sum(0)
+    return value / np.where(total > 0.0, total, 1.0) * s.mean
+
+
+def em(s, n_lobes, rounds):
+    """The EM of Section 4 from the paper's start: x, and the objective before and after each round."""
     x = estimate_lobe(s, s.mean) - np.log(2.0) * np.arange(n_lobes)[:, None]
     history = [objective(x, s)]
-    for _ in range(max_rounds):
-        value = lobes(x, s.ln_cos)
-        total = value.sum(0)
-        share = value / np.where(total > 0.0, total, 1.0)
-        x = np.concatenate(
-            [
-                minimise(
-                    lambda y, k=k: residual(y, s, share[k] * s.mean),
-                    lambda y: jacobian(y, s),
-                    x[k : k + 1],
-                    *bounds(s),
-                    30,
-                    1e-4,
-                )
-                for k in range(n_lobes)
-            ]
-        )
+    for _ in range(rounds):
+        x = np.array([fit_lobe(lobe, s, share) for lobe, share in zip(x, shares(x, s), strict=True)])
         history.append(objective(x, s))
-        if abs(history[-2] - history[-1]) <= tolerance * history[-1]:
-            return x, history, True
-    return x, history, False
+    return x, history

@@ -67,7 +67,8 @@ def angle(value: ArrayLike, name: str, *, high: float = np.pi / 2) -> NDArray[np
         upper = "pi/2" if high == np.pi / 2 else f"{high:g}"
         got = array[bad][0] if array.ndim else array[()]
         raise ValueError(
-            f"'{name}' must lie in [0, {upper}] radians, got {got:g}{_first(bad)}. Degrees? Use numpy.deg2rad."
+            f"'{name}' must lie in [0, {upper}] radians, got {got:g}{_first(bad)}. "
+            "Degrees? Use numpy.deg2rad."
         )
     return np.clip(array, 0.0, high)
 

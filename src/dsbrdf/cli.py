@@ -1,21 +1,19 @@
 """The `dsbrdf` command: parse, call, print.
 
-What fails is told in one line on standard error, `dsbrdf: error: ...`, with exit status 1, or 2 for a command that
-cannot be understood. Numeric modules are imported where they are used, so that help comes at once.
+What fails is told in one line on standard error, `dsbrdf: error: ...`, with exit status 1, or 2 for a command
+that cannot be understood. Numeric modules are imported where they are used, so that help comes at once.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import json
-import math
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,7 +35,7 @@ app = typer.Typer(
 )
 
 
-class Loss(str, Enum):
+class Loss(StrEnum):
     """Losses of a fit."""
 
     l2 = "l2"
@@ -50,6 +48,15 @@ class _State:
 
     debug: bool = False
     about: str = ""
+
+    def announce(self, step: Callable[[str], None]) -> Callable[[str], None]:
+        """`step`, and a note of what is being worked on."""
+
+        def both(about: str) -> None:
+            self.about = about
+            step(about)
+
+        return both
 
     def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
         about = f"{self.about}: " if self.about else ""
@@ -74,6 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     state = _State(debug="--debug" in arguments)
     arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
     with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("always", UserWarning)
         warnings.showwarning = state.show_warning
         try:
             status = _invoke(arguments, state)
@@ -107,7 +116,7 @@ def _report(error: BaseException) -> int:
     usage = getattr(error, "format_message", None)
     if usage is not None:
         context = getattr(error, "ctx", None)
-        _say(f"error: {usage()} Try '{context.command_path if context else 'dsbrdf'} --help'.")
+        _say(f"error: {usage().rstrip('.')}. Try '{context.command_path if context else 'dsbrdf'} --help'.")
         return int(getattr(error, "exit_code", 2))
     _say(f"error: {_describe(error)}")
     return 1
@@ -142,12 +151,14 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[
+    context: typer.Context,
+    _wanted: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
+    _debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
 ) -> None:
     """Directional statistics BRDF model: measured reflectance to a few lobes, and back."""
+    context.ensure_object(_State)
 
 
 @app.command()
@@ -157,7 +168,7 @@ def demo(
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for models and plots.")
     ] = Path("dsbrdf-demo"),
 ) -> None:
-    """Fit the built-in materials, print how good the fits are, and write models and plots."""
+    """Fit the built-in materials; write models and plots."""
     from dsbrdf import demo as demonstration
     from dsbrdf import materials, report
 
@@ -165,13 +176,11 @@ def demo(
     missing = _missing_plots()
     if missing:
         _say(f"note: no plots: {missing}")
-    with _progress(context.obj, len(materials.names()) + (not missing)) as step:
-        rows = demonstration.run(out, plots=not missing, step=step)
-    console = report.console()
-    console.print(report.demo_table(rows))
-    console.print(report.FLOORS)
-    written = "Models" if missing else f"Models and plots (all at a glance: {demonstration.OVERVIEW})"
-    console.print(f"{written} are in {out}.", soft_wrap=True)
+    state: _State = context.obj
+    with report.progress(len(materials.names()) + (not missing)) as step:
+        rows = demonstration.run(out, plots=not missing, step=state.announce(step))
+    written = "models" if missing else f"models and plots (all materials: {demonstration.OVERVIEW})"
+    report.print_demo(rows, f"{written} in {out}")
 
 
 @app.command()
@@ -180,7 +189,7 @@ def fit(
     files: Annotated[
         list[str],
         typer.Argument(
-            metavar="FILE...",
+            metavar="FILE",
             help="MERL .binary files, folders of them, or names of built-in materials.",
             show_default=False,
         ),
@@ -199,7 +208,9 @@ def fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
 ) -> None:
-    """Fit measured BRDFs, and print how good the fits are."""
+    """Fit measured BRDFs; print how good the fits are."""
+    from dsbrdf import report
+
     if plot and out is None:
         raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
     if plot and (missing := _missing_plots()):
@@ -214,16 +225,16 @@ def fit(
     targets = _targets(files, state, problems)
     summaries: list[dict[str, Any]] = []
     try:
-        with _progress(state, len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
-            for result, path in _fits(targets, options, out, state, problems, step):
+        with report.progress(len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
+            for result, path in _fits(targets, options, out, state, problems, state.announce(step)):
                 if path is not None:
                     _write(result, path, plot)
                 summaries.append({**result.summary(), "model": None if path is None else str(path)})
                 if as_json:
-                    print(_json(summaries[-1]), flush=True)
+                    print(report.json_line(summaries[-1]), flush=True)
     finally:
         if summaries and not as_json:
-            _print_fits(summaries, out)
+            report.print_fits(summaries, out)
         for problem in problems:
             _say(f"error: {problem}")
     if problems:
@@ -232,14 +243,12 @@ def fit(
 
 @app.command()
 def info(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model that was written by fit or demo.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A file that fit or demo wrote.")],
 ) -> None:
-    """Print what a model holds: its source, options, errors, lobes and albedos."""
+    """Print what a model file holds."""
     from dsbrdf import model_file, report
 
-    console = report.console()
-    for table in report.model_tables(model_file.load(model)):
-        console.print(table)
+    report.print_model(model_file.load(model))
 
 
 def _targets(files: Sequence[str], state: _State, problems: list[str]) -> list[str]:
@@ -251,11 +260,15 @@ def _targets(files: Sequence[str], state: _State, problems: list[str]) -> list[s
             if not path.is_dir():
                 targets.append(file)
                 continue
-            inside = sorted(str(entry) for entry in path.iterdir() if entry.suffix.lower() == ".binary")
+            inside = sorted(str(entry) for entry in path.iterdir() if _is_table(entry))
             if not inside:
                 raise ValueError(f"{file}: no .binary file in this folder.")
             targets += inside
     return targets
+
+
+def _is_table(path: Path) -> bool:
+    return path.suffix.lower() == ".binary" and not path.is_dir()
 
 
 def _fits(
@@ -279,9 +292,10 @@ def _fits(
                 path = out / f"{measured.name}.json"
                 if path in taken:
                     raise ValueError(f"{path} is already the model of {taken[path]}. Give it another folder.")
-                taken[path] = target
             result = fit_brdf(measured, **options)
         if result is not None:
+            if path is not None:
+                taken[path] = target
             yield result, path
 
 
@@ -299,7 +313,7 @@ def _open(target: str) -> MeasuredBRDF:
     try:
         return materials.material(target)
     except ValueError as error:
-        raise ValueError(f"{target}: no such file, and {error}") from None
+        raise ValueError(f"{target}: no such file; {error}") from None
 
 
 def _write(result: Fit, path: Path, plot: bool) -> None:
@@ -311,25 +325,6 @@ def _write(result: Fit, path: Path, plot: bool) -> None:
         figures.write_figure(
             figures.parameter_figure(result.model), path.with_name(f"{path.stem}-parameters.png")
         )
-
-
-def _print_fits(summaries: Sequence[dict[str, Any]], out: Path | None) -> None:
-    from dsbrdf import report
-
-    console = report.console()
-    console.print(report.fit_table(summaries))
-    console.print(report.FLOORS)
-    if out is not None:
-        console.print(f"Models are in {out}.", soft_wrap=True)
-
-
-def _json(summary: dict[str, Any]) -> str:
-    """One line of JSON, null for what is not a number."""
-    finite = {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in summary.items()
-    }
-    return json.dumps(finite)
 
 
 @contextlib.contextmanager
@@ -360,30 +355,3 @@ def _missing_plots() -> str:
     except ModuleNotFoundError as error:
         return str(error)
     return ""
-
-
-@contextlib.contextmanager
-def _progress(state: _State, total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
-    """Function to announce each of `total` pieces of work; shown on standard error if that is a terminal."""
-
-    def note(about: str) -> None:
-        state.about = about
-
-    if not (shown and total > 1 and sys.stderr.isatty()):
-        yield note
-        state.about = ""
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
-    # Standard output may be going elsewhere: leave it alone
-    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
-        task = bar.add_task("", total=total, completed=-1)
-
-        def advance(about: str) -> None:
-            note(about)
-            bar.update(task, description=about, advance=1)
-
-        yield advance
-    state.about = ""

@@ -15,7 +15,7 @@ from dsbrdf import _check
 __all__ = ["AZIMUTHAL_WIDTH", "azimuthal_factor", "from_directions", "to_directions"]
 
 #: Where the azimuthal term sets in: it has `1 / sqrt(2)` of its size at `tan(theta_h) tan(theta_d)` of this.
-AZIMUTHAL_WIDTH = 0.03
+AZIMUTHAL_WIDTH = 0.01
 
 
 def from_directions(
@@ -118,8 +118,8 @@ def azimuthal_factor(theta_h: ArrayLike, theta_d: ArrayLike) -> NDArray[np.float
 
     Notes
     -----
-    It vanishes where `phi_d` means nothing, at `theta_h = 0` and at `theta_d = 0`, and saturates beyond. Not in
-    the paper; see decision record 0006.
+    It vanishes where `phi_d` means nothing, at `theta_h = 0` and at `theta_d = 0`, and saturates beyond. Not
+    in the paper; see decision record 0006.
     """
     theta_h, theta_d = np.asarray(theta_h, float), np.asarray(theta_d, float)
     p = np.sin(theta_h) * np.sin(theta_d)

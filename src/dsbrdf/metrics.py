@@ -1,6 +1,7 @@
 """How far a model is from the samples it was fitted to, and how near any such model could come (Section 6.A).
 
-All errors but the logarithmic one follow exactly from the moments of the slices. Three floors bound them from below:
+All errors but the logarithmic one follow exactly from the moments of the slices. Three floors bound them from
+below:
 
 - bivariate: no function of (theta_h, theta_d) does better than the mean over phi_d (Romeiro et al. 2008);
 - monotone: no sum of lobes does better than the best function that falls with theta_h;

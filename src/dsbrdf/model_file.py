@@ -84,7 +84,9 @@ def load(path: str | Path) -> DSBRDF:
     source, options, errors = (content.get(key) or {} for key in ("source", "fit", "errors"))
     for key, value in (("source", source), ("fit", options), ("errors", errors)):
         if not isinstance(value, dict):
-            raise ModelFormatError(f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.')
+            raise ModelFormatError(
+                f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
+            )
     try:
         return DSBRDF(
             **{key: np.array(content[key], dtype=np.float64) for key in PARAMETERS},

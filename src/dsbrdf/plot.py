@@ -90,7 +90,7 @@ def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
 
 
 def incident_plane(measured: MeasuredBRDF, row: int) -> tuple[Array, Array]:
-    """Profile of a theta_d row across the plane of incidence.
+    """Profile of a table's theta_d row across the plane of incidence, as in Fig. 2.
 
     Parameters
     ----------
@@ -244,14 +244,10 @@ def _grid(n_rows: int, n_columns: int, **margins: float) -> tuple[Figure, NDArra
 
 def _headline(fit: Fit) -> str:
     errors = fit.errors
-    floors = [
-        f"{name} {100 * getattr(errors, f'{name}_floor'):.2f} %"
-        for name in ("bivariate", "monotone", "azimuthal")
-    ]
-    return (
-        f"{fit.model.name}: {fit.model.n_lobes} lobes, relative RMS error {100 * errors.rel_rms:.2f} %\n"
-        f"floors: {', '.join(floors)}"
-    )
+    names = ("bivariate", "monotone", "azimuthal")
+    floors = ", ".join(f"{name} {100 * getattr(errors, f'{name}_floor'):.2f} %" for name in names)
+    title = f"{fit.model.name}: {fit.model.n_lobes} lobes, relative RMS error {100 * errors.rel_rms:.2f} %"
+    return f"{title}\nfloors: {floors}"
 
 
 def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
@@ -371,13 +367,9 @@ def _label(axes: Any, fit: Fit) -> None:
     errors = fit.errors
     axes.axis("off")
     axes.text(0.0, 0.6, fit.model.name, weight="bold", fontsize=8.5)
-    axes.text(
-        0.0,
-        0.5,
-        f"error {100 * errors.rel_rms:.2f} %\n"
-        f"floors {100 * errors.bivariate_floor:.2f}, {100 * errors.monotone_floor:.2f} %",
-        fontsize=7.5, va="top", linespacing=1.4,
-    )  # fmt: skip
+    error, *floors = (100 * x for x in (errors.rel_rms, errors.bivariate_floor, errors.monotone_floor))
+    text = f"error {error:.2f} %\nfloors {floors[0]:.2f}, {floors[1]:.2f} %"
+    axes.text(0.0, 0.5, text, fontsize=7.5, va="top", linespacing=1.4)
 
 
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:

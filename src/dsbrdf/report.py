@@ -1,10 +1,14 @@
-"""Tables of fits and models for a terminal."""
+"""What the command line shows: tables of fits and models, lines of JSON, progress."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
+import json
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
@@ -15,9 +19,9 @@ if TYPE_CHECKING:
     from dsbrdf.demo import DemoRow
     from dsbrdf.model import DSBRDF
 
-__all__ = ["FLOORS", "console", "demo_table", "fit_table", "model_tables"]
+__all__ = ["json_line", "print_demo", "print_fits", "print_model", "progress"]
 
-#: What the columns of `fit_table` and `demo_table` mean.
+#: What the columns of the tables of fits mean.
 FLOORS = (
     "Errors are relative RMS in %. Floors, the least error possible: bivariate, of any function of "
     "(theta_h, theta_d); monotone, of one that falls with theta_h; azimuthal, with a cos(2 phi_d) term added."
@@ -28,14 +32,14 @@ ALBEDO_ANGLES = (0, 45, 75)
 PLAIN_WIDTH = 160
 
 
-def console() -> Console:
+def _console() -> Console:
     """Writer to standard output; it takes text as it is, and wide lines where there is no terminal."""
     width = None if sys.stdout.isatty() else PLAIN_WIDTH
     return Console(width=width, markup=False, highlight=False, emoji=False)
 
 
-def _table(*columns: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+def _table(*columns: str, gap: int = 2) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, gap - 1, 0, 0), pad_edge=False, show_edge=False)
     for i, column in enumerate(columns):
         table.add_column(column, justify="right" if i else "left", overflow="fold")
     return table
@@ -50,8 +54,8 @@ def _errors(numbers: Mapping[str, Any]) -> list[str]:
     return [_percent(numbers[key]) for key in keys]
 
 
-def fit_table(summaries: Iterable[Mapping[str, Any]]) -> Table:
-    """One line a fit, of its `Fit.summary`."""
+def print_fits(summaries: Sequence[Mapping[str, Any]], out: Path | None = None) -> None:
+    """Print a table of fits, one line a `Fit.summary`, and where their models are."""
     table = _table(
         "material",
         "lobes",
@@ -65,14 +69,23 @@ def fit_table(summaries: Iterable[Mapping[str, Any]]) -> Table:
     for row in summaries:
         rest = (f"{row['log_rms']:.3f}", f"{1e3 * row['seconds']:.0f}")
         table.add_row(row["name"], str(row["n_lobes"]), *_errors(row), *rest)
-    return table
+    _print_table(table, "" if out is None else f"models in {out}")
 
 
-def demo_table(rows: Iterable[DemoRow]) -> Table:
-    """One line a built-in material, with its albedo and the size of its model against the table's."""
+def _print_table(table: Table, written: str) -> None:
+    console = _console()
+    console.print(table)
+    console.print()
+    console.print(FLOORS)
+    if written:
+        console.print(f"Written: {written}", soft_wrap=True)
+
+
+def print_demo(rows: Sequence[DemoRow], written: str) -> None:
+    """Print a table of built-in materials, with albedos and the size of models against tables."""
     table = _table(
         "material", "lobes", "error\n%", "bivar.\nfloor", "monot.\nfloor", "azim.\nfloor",
-        "albedo\nat 0 deg", "time\nms", "model\nkB", "table\n/ model",
+        "albedo\n0 deg", "time\nms", "model\nkB", "table/\nmodel", gap=1,
     )  # fmt: skip
     for row in rows:
         summary = row.fit.summary()
@@ -85,12 +98,14 @@ def demo_table(rows: Iterable[DemoRow]) -> Table:
             f"{row.model_bytes / 1e3:.1f}",
             f"{row.table_bytes / row.model_bytes:,.0f}",
         )
-    return table
+    _print_table(table, written)
 
 
-def model_tables(model: DSBRDF) -> list[Table]:
-    """What a model holds: where it comes from, its lobes and its albedos."""
-    return [_origin(model), _lobes(model), _albedos(model)]
+def print_model(model: DSBRDF) -> None:
+    """Print what a model holds: where it comes from, its lobes and its albedos."""
+    console = _console()
+    for part in (_origin(model), "", _lobes(model), "", _albedos(model)):
+        console.print(part)
 
 
 def _origin(model: DSBRDF) -> Table:
@@ -143,3 +158,27 @@ def _albedos(model: DSBRDF) -> Table:
     for angle, values in zip(ALBEDO_ANGLES, model.albedo(np.deg2rad(ALBEDO_ANGLES)), strict=True):
         table.add_row(f"{angle} degrees", *(f"{value:.3f}" for value in values))
     return table
+
+
+def json_line(summary: Mapping[str, Any]) -> str:
+    """One line of JSON, with null for what is not a number."""
+    finite = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in summary.items()
+    }
+    return json.dumps(finite)
+
+
+@contextlib.contextmanager
+def progress(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
+    """Function that announces each of `total` pieces of work, on standard error if that is a terminal."""
+    if not (shown and total > 1 and sys.stderr.isatty()):
+        yield lambda _: None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
+    # Standard output may be going elsewhere: leave it alone
+    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
+        task, done = bar.add_task("", total=total), itertools.count()
+        yield lambda about: bar.update(task, description=about, completed=next(done))

@@ -1,7 +1,7 @@
 """Slices of fixed theta_d, their masks, and the exact collapse over phi_d (Section 6).
 
-A lobe depends on `theta_h` and, through its azimuthal term, on `cos(2 phi_d)`. All that a least-squares fit can see
-of a slice are therefore six sums over `phi_d` at each `theta_h`: a `SliceProfile`.
+A lobe depends on `theta_h` and, through its azimuthal term, on `cos(2 phi_d)`. All that a least-squares fit
+can see of a slice are therefore six sums over `phi_d` at each `theta_h`: a `SliceProfile`.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def slice_profiles(
     min_theta_h : float, radians, optional
         Samples below are left out, one degree by default (the paper).
     perimeter_mask : bool, optional
-        Leave out `theta_h >= pi/2 - theta_d`, where directions of some phi_d are below the horizon (the paper's
-        mask against lobes at the perimeter, Section 6.A).
+        Leave out `theta_h >= pi/2 - theta_d`, where directions of some phi_d are below the horizon (the
+        paper's mask against lobes at the perimeter, Section 6.A).
     theta_h_step : int, optional
         Keep every such theta_h only (Fig. 6).
 
@@ -123,7 +123,10 @@ def slice_profiles(
     moments = measured.moments(rows)
     kept = slice_mask(measured, rows, min_theta_h, perimeter_mask, theta_h_step)
     moments.swapaxes(1, 2)[~kept] = 0.0
-    return [SliceProfile(float(measured.theta_d[row]), measured.theta_h, m) for row, m in zip(rows, moments)]
+    return [
+        SliceProfile(float(measured.theta_d[row]), measured.theta_h, of_row)
+        for row, of_row in zip(rows, moments, strict=True)
+    ]
 
 
 def slice_mask(

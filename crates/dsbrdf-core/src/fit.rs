@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::assignment::{assign, distance};
 use crate::em::{expectation_maximisation, halved_start};
+use crate::follow::{follow, match_channels, sorted};
 use crate::levenberg_marquardt::Stop;
 use crate::lobe::Lobe;
 use crate::mixture::Mixture;
@@ -13,10 +13,6 @@ use crate::start::grow;
 /// Rounds of the EM, and the relative change of its objective at which it stops.
 const EM_ROUNDS: usize = 60;
 const EM_TOLERANCE: f64 = 1e-3;
-/// Rounds in which every slice also starts from its neighbours in theta_d.
-const NEIGHBOUR_ROUNDS: usize = 1;
-/// A candidate within this of the best objective may be taken for the sake of smooth curves.
-const AS_GOOD: f64 = 2e-4;
 /// Values of beta, of all lobes or in turn, that the azimuthal fit starts from.
 const BETA_STARTS: [f64; 1] = [-0.4];
 
@@ -74,34 +70,59 @@ fn finish(slice: &Slice) -> Stop {
 pub fn fit(slices: &[Slice], l2_slices: &[Slice], n_channels: usize, plan: Plan) -> Vec<SliceFit> {
     let mut candidates: Vec<Vec<SliceFit>> =
         slices.par_iter().zip(l2_slices).map(|(slice, l2)| starts(slice, l2, plan)).collect();
-    if plan.method == Method::Joint {
-        for _ in 0..NEIGHBOUR_ROUNDS {
-            from_neighbours(slices, n_channels, &mut candidates, false);
-        }
-        if plan.azimuthal {
-            candidates.par_iter_mut().zip(slices).for_each(|(fits, slice)| add_azimuthal(slice, fits));
-            from_neighbours(slices, n_channels, &mut candidates, true);
-        }
+    if plan.method == Method::Em {
+        return in_order(&candidates, n_channels, plan.follow);
     }
-    let mut fits: Vec<Option<SliceFit>> = vec![None; slices.len()];
-    let curves: Vec<Vec<SliceFit>> = (0..n_channels)
-        .into_par_iter()
-        .map(|channel| {
-            let along: Vec<&Vec<SliceFit>> = candidates.iter().skip(channel).step_by(n_channels).collect();
-            if plan.follow { follow(&along) } else { along.iter().map(|fits| sorted(best(fits))).collect() }
-        })
-        .collect();
-    let curves = if plan.follow { match_channels(curves) } else { curves };
-    for (channel, curve) in curves.into_iter().enumerate() {
-        for (slice, fit) in curve.into_iter().enumerate() {
-            fits[slice * n_channels + channel] = Some(fit);
-        }
-    }
-    let mut fits: Vec<SliceFit> = fits.into_iter().flatten().collect();
-    if plan.method == Method::Joint {
-        fits.par_iter_mut().zip(slices).for_each(|(fit, slice)| polish(slice, plan.azimuthal, fit));
-    }
+    from_neighbours(slices, n_channels, &mut candidates, false);
+    let azimuthal = plan.azimuthal && add_azimuthal(slices, n_channels, &mut candidates);
+    let mut fits = in_order(&candidates, n_channels, plan.follow);
+    fits.par_iter_mut().zip(slices).for_each(|(fit, slice)| polish(slice, azimuthal, fit));
     fits
+}
+
+/// Adds the azimuthal term to all candidates where the data call for it; whether they do.
+fn add_azimuthal(slices: &[Slice], n_channels: usize, candidates: &mut Vec<Vec<SliceFit>>) -> bool {
+    let total = |fits: &[Vec<SliceFit>]| -> f64 { fits.iter().map(|fits| best(fits).objective).sum() };
+    let plain = total(candidates);
+    let floor: f64 = slices.iter().map(|slice| slice.floor).sum();
+    if !pays(slices, candidates[0][0].lobes.len(), plain, floor) {
+        return false;
+    }
+    let mut azimuthal = candidates.clone();
+    azimuthal.par_iter_mut().zip(slices).for_each(|(fits, slice)| azimuthal_starts(slice, fits));
+    from_neighbours(slices, n_channels, &mut azimuthal, true);
+    let keep = pays(slices, candidates[0][0].lobes.len(), plain, total(&azimuthal));
+    if keep {
+        *candidates = azimuthal;
+    }
+    keep
+}
+
+/// Whether squares that fall from `without` to `with` are worth one number more a lobe, slice and channel.
+///
+/// The Bayesian information criterion, with the two residual rows of each theta_h as the observations.
+fn pays(slices: &[Slice], n_lobes: usize, without: f64, with: f64) -> bool {
+    let known = || slices.iter().filter(|slice| slice.energy > 0.0);
+    let rounding = 1e-6 * known().map(|slice| slice.energy).sum::<f64>();
+    let rows: f64 = known().map(|slice| 2.0 * slice.len as f64).sum();
+    let price: f64 = known().map(|slice| n_lobes as f64 * (2.0 * slice.len as f64).ln()).sum();
+    rows * ((without + rounding) / (with + rounding)).ln() > price
+}
+
+/// One candidate a slice, lobes followed over theta_d or sorted by kappa.
+fn in_order(candidates: &[Vec<SliceFit>], n_channels: usize, following: bool) -> Vec<SliceFit> {
+    let along = |channel: usize| -> Vec<&Vec<SliceFit>> {
+        candidates.iter().skip(channel).step_by(n_channels).collect()
+    };
+    let curves: Vec<Vec<SliceFit>> = if following {
+        match_channels((0..n_channels).into_par_iter().map(|channel| follow(&along(channel))).collect())
+    } else {
+        (0..n_channels)
+            .map(|channel| along(channel).iter().map(|fits| sorted(best(fits))).collect())
+            .collect()
+    };
+    let n_slices = curves.first().map_or(0, Vec::len);
+    (0..n_slices).flat_map(|slice| curves.iter().map(move |curve| curve[slice].clone())).collect()
 }
 
 /// Runs the joint fit of the chosen candidate to its end.
@@ -117,7 +138,8 @@ fn polish(slice: &Slice, azimuthal: bool, fit: &mut SliceFit) {
     fit.status = if minimum.converged { Status::Converged } else { Status::MaxIterations };
 }
 
-fn best(fits: &[SliceFit]) -> &SliceFit {
+/// The candidate with the least objective.
+pub fn best(fits: &[SliceFit]) -> &SliceFit {
     fits.iter()
         .reduce(|best, fit| if fit.objective < best.objective { fit } else { best })
         .expect("a candidate")
@@ -186,7 +208,7 @@ fn from_neighbours(slices: &[Slice], n_channels: usize, candidates: &mut [Vec<Sl
 }
 
 /// Replaces the candidates by azimuthal ones that start from the best of them.
-fn add_azimuthal(slice: &Slice, fits: &mut Vec<SliceFit>) {
+fn azimuthal_starts(slice: &Slice, fits: &mut Vec<SliceFit>) {
     let plain = best(fits).clone();
     if plain.status == Status::NoData {
         return;
@@ -205,102 +227,6 @@ fn add_azimuthal(slice: &Slice, fits: &mut Vec<SliceFit>) {
     // Never above the fit without the term
     fits.push(plain);
     fits[0].em_history = history;
-}
-
-fn sorted(fit: &SliceFit) -> SliceFit {
-    let mut fit = fit.clone();
-    fit.lobes.sort_by(|x, y| y.kappa.total_cmp(&x.kappa));
-    fit
-}
-
-/// Sum of distances between lobes under the best correspondence, and that correspondence.
-fn correspondence(from: &[Lobe], to: &[Lobe]) -> (f64, Vec<usize>) {
-    let cost: Vec<Vec<f64>> = from.iter().map(|x| to.iter().map(|y| distance(x, y)).collect()).collect();
-    assign(&cost)
-}
-
-/// The smoothest path over theta_d through candidates as good as the best, its lobes in one order.
-fn follow(along: &[&Vec<SliceFit>]) -> Vec<SliceFit> {
-    let admissible: Vec<Vec<&SliceFit>> = along
-        .iter()
-        .map(|fits| {
-            // As good as the best, and never above the EM alone (but for rounding)
-            let em = fits[0].em_history.last().copied().unwrap_or(f64::INFINITY);
-            let least = best(fits).objective;
-            let limit = (least * (1.0 + AS_GOOD)).min(em).max(least);
-            fits.iter().filter(|fit| fit.objective <= limit).collect()
-        })
-        .collect();
-
-    // Viterbi: least summed distance to each candidate, and the candidate it came from
-    let mut cost = vec![0.0; admissible.first().map_or(0, Vec::len)];
-    let mut came_from: Vec<Vec<usize>> = Vec::new();
-    for pair in admissible.windows(2) {
-        let (costs, origins): (Vec<f64>, Vec<usize>) = pair[1]
-            .iter()
-            .map(|to| {
-                let total = |i: usize| cost[i] + correspondence(&pair[0][i].lobes, &to.lobes).0;
-                (0..pair[0].len())
-                    .map(|i| (total(i), i))
-                    .reduce(|best, next| if next.0 < best.0 { next } else { best })
-                    .expect("a candidate")
-            })
-            .unzip();
-        cost = costs;
-        came_from.push(origins);
-    }
-    let mut at =
-        (0..cost.len()).reduce(|best, next| if cost[next] < cost[best] { next } else { best }).unwrap_or(0);
-    let mut path = vec![at];
-    for origins in came_from.iter().rev() {
-        at = origins[at];
-        path.push(at);
-    }
-    path.reverse();
-
-    let mut curve: Vec<SliceFit> = Vec::with_capacity(along.len());
-    for (fits, &choice) in admissible.iter().zip(&path) {
-        let mut fit = match curve.last() {
-            None => sorted(fits[choice]),
-            Some(last) => {
-                let order = correspondence(&last.lobes, &fits[choice].lobes).1;
-                permuted(fits[choice], &order)
-            }
-        };
-        fit.em_history.clone_from(&along[curve.len()][0].em_history);
-        curve.push(fit);
-    }
-    curve
-}
-
-fn permuted(fit: &SliceFit, order: &[usize]) -> SliceFit {
-    let mut fit = fit.clone();
-    fit.lobes = order.iter().map(|&k| fit.lobes[k]).collect();
-    fit
-}
-
-/// Gives the lobes of all channels the order of the first, and that one the order of mean `ln kappa`.
-fn match_channels(mut curves: Vec<Vec<SliceFit>>) -> Vec<Vec<SliceFit>> {
-    let Some(n_lobes) = curves.first().and_then(|curve| curve.first()).map(|fit| fit.lobes.len()) else {
-        return curves;
-    };
-    let height = |k: usize| -> f64 { curves[0].iter().map(|fit| fit.lobes[k].kappa.ln()).sum() };
-    let mut order: Vec<usize> = (0..n_lobes).collect();
-    order.sort_by(|&i, &j| height(j).total_cmp(&height(i)));
-    curves[0] = curves[0].iter().map(|fit| permuted(fit, &order)).collect();
-    let (first, others) = curves.split_at_mut(1);
-    for curve in others {
-        let cost: Vec<Vec<f64>> = (0..n_lobes)
-            .map(|i| {
-                let between =
-                    |j| first[0].iter().zip(&*curve).map(move |(x, y)| distance(&x.lobes[i], &y.lobes[j]));
-                (0..n_lobes).map(|j| between(j).sum()).collect()
-            })
-            .collect();
-        let order = assign(&cost).1;
-        *curve = curve.iter().map(|fit| permuted(fit, &order)).collect();
-    }
-    curves
 }
 
 /// For each slice the fits with 1, 2, ... `n_lobes` lobes, grown from one another (no azimuthal term).

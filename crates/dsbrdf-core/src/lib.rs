@@ -6,6 +6,7 @@ pub mod em;
 pub mod eval;
 pub mod exp;
 pub mod fit;
+pub mod follow;
 pub mod isotonic;
 pub mod levenberg_marquardt;
 pub mod lobe;

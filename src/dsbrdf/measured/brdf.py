@@ -85,12 +85,15 @@ class MeasuredBRDF:
         planes = np.ascontiguousarray(self.planes, dtype="<f8")
         object.__setattr__(self, "planes", planes)
         if planes.ndim != 4:
-            raise ValueError(f"'planes' must be (channel, theta_h, theta_d, phi_d), got shape {planes.shape}.")
+            raise ValueError(
+                f"'planes' must be (channel, theta_h, theta_d, phi_d), got shape {planes.shape}."
+            )
         for name, n in zip(("scale", "theta_h", "theta_d", "phi_d"), planes.shape, strict=True):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != (n,):
                 raise ValueError(
-                    f"'{name}' must have shape ({n},) for 'planes' of shape {planes.shape}, got {array.shape}."
+                    f"'{name}' must have shape ({n},) for 'planes' of shape {planes.shape}, "
+                    f"got {array.shape}."
                 )
             object.__setattr__(self, name, array)
 
@@ -146,8 +149,8 @@ def cell_angles(
     """Angles `theta_h`, `theta_d`, `phi_d` of the cells of a table, in radians.
 
     A cell i of n covers [i^2, (i + 1)^2) / n^2 of 90 degrees in theta_h and [i, i + 1) / n of 90 and of 180
-    degrees in theta_d and phi_d. Its value belongs to its middle (half a step, in the square-root coordinate),
-    or with `convention="edge"` to its lower edge.
+    degrees in theta_d and phi_d. Its value belongs to its middle (half a step, in the square-root
+    coordinate), or with `convention="edge"` to its lower edge.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Reader and writer of MERL `.binary` files (Matusik et al. 2003).
 
-Three little-endian int32 (90, 90, 180), then the planes red, green and blue of float64 over theta_h, theta_d and
-phi_d (fastest). Entries times the scale of their channel are reflectances in 1/sr without the cosine; negative
-entries are invalid. The layout of the cells is told in `cell_angles`.
+Three little-endian int32 (90, 90, 180), then the planes red, green and blue of float64 over theta_h, theta_d
+and phi_d (fastest). Entries times the scale of their channel are reflectances in 1/sr without the cosine;
+negative entries are invalid. The layout of the cells is told in `cell_angles`.
 """
 
 from __future__ import annotations
@@ -81,9 +81,7 @@ def read_merl(path: str | Path, *, convention: str = "centre", name: str | None 
     # float64 behind a header of 12 bytes is unaligned: map bytes, and view them
     data = np.memmap(path, dtype=np.uint8, mode="r", offset=12)
     planes = data.view("<f8").reshape(N_CHANNELS, *SHAPE)
-    return MeasuredBRDF(
-        name or path.stem, planes, SCALE, *cell_angles(convention), convention, Source(path)
-    )
+    return MeasuredBRDF(name or path.stem, planes, SCALE, *cell_angles(convention), convention, Source(path))
 
 
 def write_merl(measured: MeasuredBRDF, path: str | Path) -> None:

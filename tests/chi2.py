@@ -1,0 +1,81 @@
+"""Chi-square test of samples on the hemisphere against a density, after `chi2.py` of Mitsuba 3.
+
+Cells are equal in cos(theta) and phi, hence in solid angle. Expected counts come from Gauss-Legendre quadrature,
+refined in each cell until it settles, so that lobes much narrower than a cell are met.
+"""
+
+import numpy as np
+from scipy import stats
+
+CELLS = (20, 40)
+#: Cells that expect fewer samples are pooled.
+FEWEST = 10.0
+
+
+def cell_integrals(function, tolerance=1e-5, cells=CELLS):
+    """Integrals (cos theta, phi) over the cells of `function` of directions (..., 3), each to `tolerance`."""
+    cell = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 2)
+    open_cells, result, order = np.arange(len(cell)), np.zeros(len(cell)), 4
+    last = _quadrature(function, cell, cells, order)
+    while len(open_cells):
+        order *= 2
+        if order > 512:
+            raise RuntimeError(f"no convergence in {len(open_cells)} cells")
+        now = _quadrature(function, cell[open_cells], cells, order)
+        result[open_cells] = now
+        rough = np.abs(now - last) > tolerance
+        open_cells, last = open_cells[rough], now[rough]
+    return result.reshape(cells)
+
+
+def _quadrature(function, cell, cells, order):
+    node, weight = np.polynomial.legendre.leggauss(order)
+    node, weight = 0.5 * (node + 1.0), 0.5 * weight
+    result = np.empty(len(cell))
+    # A few cells at a time: small temporaries
+    step = max(1, 200_000 // order**2)
+    for start in range(0, len(cell), step):
+        part = cell[start : start + step]
+        cos_theta = (part[:, 0, None, None] + node[:, None]) / cells[0]
+        phi = 2.0 * np.pi * (part[:, 1, None, None] + node) / cells[1]
+        values = function(direction(cos_theta, phi))
+        result[start : start + step] = np.einsum("...ij,i,j", values, weight, weight)
+    return result * 2.0 * np.pi / (cells[0] * cells[1])
+
+
+def direction(cos_theta, phi):
+    sin_theta = np.sqrt(1.0 - cos_theta**2)
+    x, y, z = np.broadcast_arrays(sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta)
+    return np.stack([x, y, z], axis=-1)
+
+
+def counts(samples, cells=CELLS):
+    """Number of samples (n, 3) in each cell; those below the horizon are in none."""
+    above = samples[samples[:, 2] > 0.0]
+    row = np.minimum((above[:, 2] * cells[0]).astype(int), cells[0] - 1)
+    column = ((np.arctan2(above[:, 1], above[:, 0]) / (2.0 * np.pi)) % 1.0 * cells[1]).astype(int) % cells[1]
+    return np.bincount(row * cells[1] + column, minlength=cells[0] * cells[1]).reshape(cells)
+
+
+def p_value(samples, mass):
+    """Probability of samples at least as far from what `mass` (cells) says; one more cell holds those in none."""
+    n = len(samples)
+    observed, expected = counts(samples).ravel(), n * mass.ravel()
+    observed = np.append(observed, n - observed.sum())
+    expected = np.append(expected, n - expected.sum())
+    order = np.argsort(expected)
+    few = np.cumsum(expected[order]) < FEWEST
+    few |= expected[order] < FEWEST
+    pooled = [observed[order][few].sum(), *observed[order][~few]]
+    wanted = [expected[order][few].sum(), *expected[order][~few]]
+    # What is pooled may itself be too little to count: then it joins the next cell
+    if wanted[0] < FEWEST:
+        pooled, wanted = [pooled[0] + pooled[1], *pooled[2:]], [wanted[0] + wanted[1], *wanted[2:]]
+    pooled, wanted = np.array(pooled), np.array(wanted)
+    statistic = ((pooled - wanted) ** 2 / wanted).sum()
+    return stats.chi2.sf(statistic, len(wanted) - 1)
+
+
+def sidak(significance, n_tests):
+    """Least p-value of a single test, so that all of them fail by chance with probability `significance`."""
+    return 1.0 - (1.0 - significance) ** (1.0 / n_tests)
