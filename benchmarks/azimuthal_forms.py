@@ -9,7 +9,7 @@ fixed factors g, `cos(4 phi_d)` in place of `cos(2 phi_d)`, and gives the floors
 
 MERL is a folder of tables in the format of the MERL database (`.binary`), RGL one of measurements of the RGL
 database (`.bsdf`, isotropic). The tables are Markdown. Numbers are the relative (energy-normalised) RMS over
-all samples, slices and channels.
+all samples, slices and channels. The fit sets beta to zero where it does not pay, as `dsbrdf.fit` does.
 
 MERL tables are collapsed as `dsbrdf.fit` does it by default: 18 slices, theta_h of a degree and more,
 perimeter masked. RGL files are evaluated at theta_d = 0, 5, ..., 85 degrees, theta_h = i^2 / 90 degrees from
@@ -42,7 +42,7 @@ Form = Callable[[Array, Array], Array]
 Reflectance = Callable[[Array, Array], Array]
 
 #: The factor of `dsbrdf.half_diff.azimuthal_factor`, by its name in `FORMS`.
-CHOSEN = "T, c = 0.03 (chosen)"
+CHOSEN = f"T, c = {half_diff.AZIMUTHAL_WIDTH:g} (chosen)"
 PHI_D = np.deg2rad(np.arange(180) + 0.5)
 #: RGL protocol.
 RGL_THETA_D = np.deg2rad(np.arange(0.0, 90.0, 5.0))
@@ -64,8 +64,8 @@ def product_form(c: float) -> Form:
 #: Factors g(theta_h, theta_d) by name; a row of the table each.
 FORMS: Mapping[str, Form] = {
     "1": lambda h, d: np.ones(np.broadcast_shapes(h.shape, d.shape)),
-    "T, c = 0.01": product_form(0.01),
     CHOSEN: lambda h, d: half_diff.azimuthal_factor(h, d),
+    "T, c = 0.03": product_form(0.03),
     "T, c = 0.05": product_form(0.05),
     "T, c = 0.1": product_form(0.1),
     "T, c = 0.3": product_form(0.3),
@@ -157,8 +157,16 @@ def rgl_samples(path: Path) -> Samples:
     return Samples(path.stem.removesuffix("_rgb"), RGL_THETA_D, theta_h, RGL_PHI_D, values)
 
 
-def fit_error(samples: Samples, moments: Array, n_lobes: int, form: Form | None) -> float:
-    """Relative RMS of the joint fit with a factor g, or without the azimuthal term."""
+@dataclass(frozen=True)
+class Outcome:
+    """Relative RMS of a fit, and whether any lobe has a beta."""
+
+    error: float
+    has_beta: bool
+
+
+def fit_form(samples: Samples, moments: Array, n_lobes: int, form: Form | None) -> Outcome:
+    """Fits jointly with a factor g, or without the azimuthal term."""
     theta_h = np.broadcast_to(samples.theta_h, (len(samples.theta_d), len(samples.theta_h)))
     factor = np.zeros(theta_h.shape) if form is None else form(theta_h, samples.theta_d[:, None])
     result = _core.fit(
@@ -171,7 +179,8 @@ def fit_error(samples: Samples, moments: Array, n_lobes: int, form: Form | None)
         follow=True,
         log_offset=None,
     )
-    return float(np.sqrt(np.sum(result["objective"]) / moments[..., 2].sum()))
+    error = float(np.sqrt(np.sum(result["objective"]) / moments[..., 2].sum()))
+    return Outcome(error, bool(np.any(result["beta"])))
 
 
 def read_all(merl: Path, rgl: Path | None, every: int) -> Iterator[tuple[bool, Samples]]:
@@ -182,75 +191,75 @@ def read_all(merl: Path, rgl: Path | None, every: int) -> Iterator[tuple[bool, S
         yield True, rgl_samples(path)
 
 
-def forms_of(samples: Samples, n_lobes: int) -> dict[str, float]:
-    """Errors of all forms on a material, and the floors."""
+def forms_of(samples: Samples, n_lobes: int) -> dict[str, Outcome]:
+    """Fits of all forms to a material, and the floors."""
     moments = samples.moments(2)
     energy = moments[..., 2].sum()
-    errors = {"no term (beta = 0)": fit_error(samples, moments, n_lobes, None)}
+    found = {"no term (beta = 0)": fit_form(samples, moments, n_lobes, None)}
     for name, form in FORMS.items():
-        errors[f"g = {name}"] = fit_error(samples, moments, n_lobes, form)
-    errors["g = 1, cos 4 phi_d instead"] = fit_error(samples, samples.moments(4), n_lobes, FORMS["1"])
-    for name, harmonics in {
-        "floor: a": (0,),
-        "floor: a + b cos 2 phi_d": (0, 2),
-        "floor: a + d cos 4 phi_d": (0, 4),
-        "floor: a + b cos 2 phi_d + d cos 4 phi_d": (0, 2, 4),
-    }.items():
-        errors[name] = float(np.sqrt(samples.floor(harmonics).sum() / energy))
-    errors["floor: any function of phi_d"] = float(np.sqrt(samples.symmetric_floor().sum() / energy))
-    return errors
+        found[f"g = {name}"] = fit_form(samples, moments, n_lobes, form)
+    found["g = 1, cos 4 phi_d instead"] = fit_form(samples, samples.moments(4), n_lobes, FORMS["1"])
+    floors = {
+        "floor: a": samples.floor((0,)),
+        "floor: a + b cos 2 phi_d": samples.floor((0, 2)),
+        "floor: a + d cos 4 phi_d": samples.floor((0, 4)),
+        "floor: a + b cos 2 phi_d + d cos 4 phi_d": samples.floor((0, 2, 4)),
+        "floor: any function of phi_d": samples.symmetric_floor(),
+    }
+    return found | {name: Outcome(float(np.sqrt(x.sum() / energy)), True) for name, x in floors.items()}
 
 
 def print_forms(merl: Path, rgl: Path | None, n_lobes: int, every: int) -> None:
     """The table of forms: median and mean over the MERL tables, then each RGL file."""
-    tables: list[dict[str, float]] = []
-    measured: dict[str, dict[str, float]] = {}
+    tables: list[dict[str, Outcome]] = []
+    measured: dict[str, dict[str, Outcome]] = {}
     for is_rgl, samples in read_all(merl, rgl, every):
-        errors = forms_of(samples, n_lobes)
+        found = forms_of(samples, n_lobes)
         if is_rgl:
-            measured[samples.name] = errors
+            measured[samples.name] = found
         else:
-            tables.append(errors)
+            tables.append(found)
     print(f"K = {n_lobes}, {len(tables)} tables.\n")
-    print("| form | median | mean | worse than no term |", *(f" {name} |" for name in measured), sep="")
+    print("| form | median | mean | beta = 0 |", *(f" {name} |" for name in measured), sep="")
     print("|---|---|---|---|" + "---|" * len(measured))
-    plain = np.array([errors["no term (beta = 0)"] for errors in tables])
     for form in tables[0]:
-        column = np.array([errors[form] for errors in tables])
-        worse = int((column > plain * (1.0 + 1e-6)).sum())
-        cells = [f"{np.median(column):.4f}", f"{column.mean():.4f}", str(worse)]
-        cells += [f"{errors[form]:.3f}" for errors in measured.values()]
+        column = np.array([found[form].error for found in tables])
+        zero = sum(not found[form].has_beta for found in tables)
+        cells = [f"{np.median(column):.4f}", f"{column.mean():.4f}", "" if "floor" in form else str(zero)]
+        cells += [f"{found[form].error:.3f}" for found in measured.values()]
         print(f"| {form} | {' | '.join(cells)} |")
 
 
 def print_materials(merl: Path, rgl: Path | None, every: int) -> None:
-    """One row a material: errors with and without the term for K = 2 and 3, and the floors."""
+    """One row a material: errors with and without the term for K = 2 and 3, the floors, where beta = 0."""
     head = ("material", "K=2 without", "K=2 with", "K=3 without", "K=3 with", "bivariate floor")
-    head += ("monotone floor", "azimuthal floor")
-    rows: dict[bool, list[tuple[str, list[float]]]] = {False: [], True: []}
+    head += ("monotone floor", "azimuthal floor", "beta = 0 at K =")
+    rows: dict[bool, list[tuple[str, list[float], list[str]]]] = {False: [], True: []}
     for is_rgl, samples in read_all(merl, rgl, every):
-        rows[is_rgl].append((samples.name, material_row(samples)))
+        rows[is_rgl].append((samples.name, *material_row(samples)))
     for is_rgl, title in ((False, "Tables in MERL format"), (True, "RGL measurements")):
         if rows[is_rgl]:
             print(f"\n## {title}: {len(rows[is_rgl])}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
-            numbers = np.array([row for _, row in rows[is_rgl]])
+            numbers = np.array([row for _, row, _ in rows[is_rgl]])
             print_row("**median**", np.median(numbers, axis=0))
             print_row("**mean**", numbers.mean(0))
-            for name, row in rows[is_rgl]:
-                print_row(name, row)
+            for name, row, zero in rows[is_rgl]:
+                print_row(name, row, ", ".join(zero))
 
 
-def material_row(samples: Samples) -> list[float]:
-    """Numbers of `print_materials`."""
+def material_row(samples: Samples) -> tuple[list[float], list[str]]:
+    """Numbers of `print_materials`, and the K at which beta is zero."""
     moments = samples.moments(2)
-    row = [fit_error(samples, moments, k, form) for k in (2, 3) for form in (None, FORMS[CHOSEN])]
+    fits = {k: [fit_form(samples, moments, k, form) for form in (None, FORMS[CHOSEN])] for k in (2, 3)}
     zero = np.full((*moments.shape[:2], 1), 1e-12)
     errors = metrics.fit_errors(samples.profiles(), zero, np.ones_like(zero), 0.0 * zero)
-    return [*row, errors.bivariate_floor, errors.monotone_floor, errors.azimuthal_floor]
+    floors = [errors.bivariate_floor, errors.monotone_floor, errors.azimuthal_floor]
+    without = [str(k) for k, (_, fit) in fits.items() if not fit.has_beta]
+    return [fit.error for pair in fits.values() for fit in pair] + floors, without
 
 
-def print_row(name: str, numbers: Array | list[float]) -> None:
-    print(f"| {name} |", *(f" {x:.4f} |" for x in numbers), sep="")
+def print_row(name: str, numbers: Array | list[float], mark: str = "") -> None:
+    print(f"| {name} |", *(f" {x:.4f} |" for x in numbers), f" {mark} |", sep="")
 
 
 def aperture(reflectance: Reflectance, radius: float, count: int = 200) -> Reflectance:
@@ -326,7 +335,7 @@ def print_ingredients() -> None:
         else:
             samples = closed_form(reflectance, name)
             moments = samples.moments(2)
-            cells += [f"{fit_error(samples, moments, 3, form):.4f}" for form in (None, FORMS[CHOSEN])]
+            cells += [f"{fit_form(samples, moments, 3, form).error:.4f}" for form in (None, FORMS[CHOSEN])]
         print(f"| {name} | {' | '.join(cells)} |")
     print("\n| GGX, K = 2 | theta_d | lobe 1: kappa, gamma, beta | lobe 2 |\n|---|---|---|---|")
     for alpha in (0.05, 0.1, 0.2, 0.4):

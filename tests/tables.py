@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from dsbrdf import DSBRDF, ConvergenceWarning, fit, materials, tabulate
+from dsbrdf.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.slices import slice_mask, slice_rows
 
 
@@ -51,7 +52,7 @@ def slice_samples(fitted, index):
 
 def formula(theta_h, theta_d, phi_d, kappa, gamma, beta):
     """Eq. (6) with the azimuthal term, (channel, ...), for parameters (channel, lobe) of one slice."""
-    p, q = np.sin(theta_h) * np.sin(theta_d), 0.03 * np.cos(theta_h) * np.cos(theta_d)
+    p, q = np.sin(theta_h) * np.sin(theta_d), AZIMUTHAL_WIDTH * np.cos(theta_h) * np.cos(theta_d)
     azimuth = p / np.hypot(p, q) * np.cos(2.0 * phi_d)
     shape = (*kappa.shape, *(1,) * azimuth.ndim)
     kappa, gamma, beta = (values.reshape(shape) for values in (kappa, gamma, beta))

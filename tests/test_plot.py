@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import dsbrdf
 from dsbrdf import half_diff, materials, plot, sphere
@@ -134,16 +135,16 @@ def test_demo_figure_has_a_row_a_fit(fit, grey_fit):
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf"])
-def test_write_figure(tmp_path, grey_fit, ending):
+def test_write_figure(tmp_path, ending):
     path = tmp_path / f"figure.{ending}"
-    plot.write_figure(plot.parameter_figure(grey_fit.model), path)
-    assert path.stat().st_size > 1000
+    plot.write_figure(Figure(), path)
+    assert path.stat().st_size > 500
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_nothing_half_written(tmp_path, grey_fit):
+def test_nothing_half_written(tmp_path):
     with pytest.raises(ValueError, match="bmpx"):
-        plot.write_figure(plot.parameter_figure(grey_fit.model), tmp_path / "figure.bmpx")
+        plot.write_figure(Figure(), tmp_path / "figure.bmpx")
     assert not list(tmp_path.iterdir())
 
 

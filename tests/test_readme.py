@@ -25,7 +25,8 @@ def test_commands_exist():
 
     from dsbrdf.cli import app
 
-    commands = {line.split()[1] for block in blocks("sh") for line in block.splitlines() if line.startswith("dsbrdf ")}
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    commands = {line.split()[1] for line in lines if line.startswith("dsbrdf ")}
     assert commands
     for command in commands:
         assert CliRunner().invoke(app, [command, "--help"]).exit_code == 0

@@ -89,7 +89,7 @@ def _coordinates(xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
     s2 = rho2 + s[..., 2] ** 2
     d2 = xp.sum(d * d, axis=-1)
     sin2 = xp.where(s2 > 0.0, rho2 / xp.where(s2 > 0.0, s2, xp.ones_like(s2)), xp.ones_like(s2))
-    log_cos = 0.5 * xp.log1p(-xp.clip(sin2, 0.0, 1.0 - float(xp.finfo(wi.dtype).eps)))
+    log_cos = 0.5 * xp.log1p(-xp.clip(sin2, 0.0, 1.0 - 0.5 * float(xp.finfo(wi.dtype).eps)))
     # A root has no gradient at zero: keep a little away from it
     angle = xp.atan2(xp.sqrt(d2 + tiny), xp.sqrt(s2 + tiny))
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dsbrdf import _core, half_diff, metrics
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.model import DSBRDF
+from dsbrdf.selection import LobeSelection, select_lobes
 from dsbrdf.slices import (
     MIN_THETA_H,
     N_SLICES,
@@ -95,7 +96,9 @@ class Fit:
     profiles : list of SliceProfile
         What was fitted.
     seconds : float
-        Time of the collapse and the fit.
+        Time of the collapse, the choice of lobes and the fit.
+    selection : LobeSelection or None
+        Why there are so many lobes, if that was chosen.
     """
 
     model: DSBRDF
@@ -103,6 +106,7 @@ class Fit:
     slices: list[SliceReport]
     profiles: list[SliceProfile]
     seconds: float
+    selection: LobeSelection | None
     measured: MeasuredBRDF = field(repr=False)
     options: dict[str, Any] = field(repr=False)
 
@@ -132,7 +136,7 @@ class Fit:
 
 def fit(
     measured: MeasuredBRDF,
-    n_lobes: int = 3,
+    n_lobes: int | str = "auto",
     *,
     method: str = "joint",
     loss: str = "l2",
@@ -149,8 +153,9 @@ def fit(
     Parameters
     ----------
     measured : MeasuredBRDF
-    n_lobes : int, optional
-        Lobes in each slice and channel.
+    n_lobes : int or "auto", optional
+        Lobes in each slice and channel; by default the fewest that Williams' test accepts (Section 5, see
+        `dsbrdf.selection.select_lobes`).
     method : {"joint", "em"}, optional
         "em" is the expectation-maximisation of Section 4. "joint" starts from its result, and from others, and
         fits all lobes of a slice together; it never ends above "em" on any slice.
@@ -185,7 +190,11 @@ def fit(
     """
     azimuthal = method != "em" if azimuthal is None else azimuthal
     _check_options(n_lobes, method, loss, azimuthal, order)
-    masks = {"min_theta_h": min_theta_h, "perimeter_mask": perimeter_mask, "theta_h_step": theta_h_step}
+    masks: dict[str, Any] = {
+        "min_theta_h": min_theta_h,
+        "perimeter_mask": perimeter_mask,
+        "theta_h_step": theta_h_step,
+    }
     options: dict[str, Any] = {
         "method": method,
         "loss": loss,
@@ -197,6 +206,10 @@ def fit(
     }
     start = time.perf_counter()
     profiles = slice_profiles(measured, n_slices=n_slices, **masks)
+    chosen = None
+    if not isinstance(n_lobes, int):
+        chosen = select_lobes(profiles)
+        n_lobes = chosen.n_lobes
     parameters, reports = fit_profiles(
         profiles, n_lobes, method=method, loss=loss, azimuthal=azimuthal, order=order
     )
@@ -219,17 +232,18 @@ def fit(
             "azimuthal_floor": errors.azimuthal_floor,
         },
     )
-    return Fit(model, errors, reports, profiles, seconds, measured, options)
+    return Fit(model, errors, reports, profiles, seconds, chosen, measured, options)
 
 
-def _check_options(n_lobes: int, method: str, loss: str, azimuthal: bool, order: str) -> None:
+def _check_options(n_lobes: int | str, method: str, loss: str, azimuthal: bool, order: str) -> None:
     choices = {"method": (method, ("joint", "em")), "loss": (loss, ("l2", "log"))}
     choices["order"] = (order, ("follow", "kappa"))
     for name, (value, allowed) in choices.items():
         if value not in allowed:
             raise ValueError(f"'{name}' must be {' or '.join(map(repr, allowed))}, got {value!r}.")
-    if not 1 <= n_lobes <= MAX_LOBES:
-        raise ValueError(f"'n_lobes' must be between 1 and {MAX_LOBES}, got {n_lobes}.")
+    known = n_lobes == "auto" if isinstance(n_lobes, str) else 1 <= n_lobes <= MAX_LOBES
+    if not known:
+        raise ValueError(f"'n_lobes' must be between 1 and {MAX_LOBES}, or 'auto', got {n_lobes!r}.")
     if method == "em" and loss != "l2":
         raise ValueError("method='em' minimises squares: it takes loss='l2' only. Use method='joint'.")
     if method == "em" and azimuthal:
@@ -288,17 +302,17 @@ def fit_profiles(
         follow=order == "follow",
         log_offset=metrics.LOG_OFFSET if loss == "log" else None,
     )
+    n_channels = count.shape[1]
     reports = [
-        SliceReport(float(theta_d[i // count.shape[1]]), i % count.shape[1], FitStatus(status), *rest)
-        for i, (status, *rest) in enumerate(
-            zip(
-                result["status"],
-                result["iterations"],
-                result["objective"],
-                result["em_history"],
-                strict=True,
-            )
+        SliceReport(
+            theta_d=float(theta_d[i // n_channels]),
+            channel=i % n_channels,
+            status=FitStatus(status),
+            iterations=result["iterations"][i],
+            objective=result["objective"][i],
+            em_history=result["em_history"][i],
         )
+        for i, status in enumerate(result["status"])
     ]
     parameters = (result["kappa"], result["gamma"], result["beta"])
     for values in parameters:

@@ -71,7 +71,9 @@ def divergence(
     measured = np.maximum(total, 0.0)
     p = measured / np.maximum(measured.sum(-1, keepdims=True), tiny)
     q = model / np.maximum(model.sum(-1, keepdims=True), tiny)
-    return np.where(p > 0.0, p * np.log(np.maximum(p, tiny) / np.maximum(q, tiny)), 0.0).sum(-1)
+    terms = np.where(p > 0.0, p * np.log(np.maximum(p, tiny) / np.maximum(q, tiny)), 0.0)
+    total: NDArray[np.float64] = terms.sum(-1)
+    return total
 
 
 def select_lobes(
@@ -139,8 +141,8 @@ def _by_williams(
     # Control first: all lobes; then one, two, ... lobes fewer
     table = loss[:, ::-1]
     test = williams.from_blocks(table, alpha=alpha, effective_blocks=INDEPENDENT_SHARE * len(table))
-    statistic[:-1] = np.asarray(test.statistic)[::-1]
-    critical[:-1] = np.asarray(test.critical)[::-1]
+    statistic[:-1] = test.statistic[::-1]
+    critical[:-1] = test.critical_value[::-1]
     lowest = test.minimum_effective_dose
     removed = max_lobes - 1 if lowest is None else lowest
     return LobeSelection(max_lobes - removed, "williams", values, statistic, critical)

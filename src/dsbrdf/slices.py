@@ -54,7 +54,8 @@ class SliceProfile:
     @property
     def energy(self) -> NDArray[np.float64]:
         """Sum of squares of all samples in 1/sr^2, (channel,)."""
-        return self.moments[..., 2].sum(-1)
+        total: NDArray[np.float64] = self.moments[..., 2].sum(-1)
+        return total
 
     @property
     def azimuthal_amplitude(self) -> NDArray[np.float64]:
@@ -67,7 +68,8 @@ class SliceProfile:
 
 def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """`x / y`, NaN where y is zero."""
-    return np.divide(x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0)
+    ratio: NDArray[np.float64] = np.divide(x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0)
+    return ratio
 
 
 def slice_rows(n_rows: int, n_slices: int = N_SLICES) -> NDArray[np.int_]:
@@ -140,7 +142,8 @@ def slice_mask(
     theta_h = measured.theta_h
     kept = (theta_h >= min_theta_h) & (np.arange(len(theta_h)) % theta_h_step == 0)
     limit = np.pi / 2 - measured.theta_d[rows] if perimeter_mask else np.full(len(rows), np.inf)
-    return kept & (theta_h < limit[:, None])
+    mask: NDArray[np.bool_] = kept & (theta_h < limit[:, None])
+    return mask
 
 
 def gather_profile(

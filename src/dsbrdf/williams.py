@@ -48,9 +48,9 @@ class WilliamsResult:
     """Outcome of Williams' test; entry i of the arrays belongs to dose i, the lowest first.
 
     `statistic` is the isotonic mean less the control mean in standard errors, positive in the direction of
-    `alternative`; `critical_value` its upper `alpha` point if that dose and all below equal the control. A dose
-    is `significant` if it and all higher doses pass; `minimum_effective_dose` is the index, from 0, of the
-    lowest such dose, or None.
+    `alternative`; `critical_value` its upper `alpha` point if that dose and all below equal the control. A
+    dose is `significant` if it and all higher doses pass; `minimum_effective_dose` is the index, from 0, of
+    the lowest such dose, or None.
     """
 
     statistic: Array
@@ -142,8 +142,8 @@ def williams_test(
 
     Notes
     -----
-    The statistic of dose i is (M_i - X_0) / sqrt(s^2 / r_i + s^2 / c), with M_i amalgamated over all doses and
-    the control mean X_0 as it is; its critical value is that of i dose levels.
+    The statistic of dose i is (M_i - X_0) / sqrt(s^2 / r_i + s^2 / c), with M_i amalgamated over all doses
+    and the control mean X_0 as it is; its critical value is that of i dose levels.
     """
     if alternative not in ("greater", "less"):
         raise ValueError(f"'alternative' must be 'greater' or 'less', got {alternative!r}.")
@@ -210,10 +210,10 @@ def from_blocks(
 
     Notes
     -----
-    With S the squared residuals of the additive layout of b blocks and t treatments, and n effective blocks:
-    s^2 = S n / (b (n - 1) (t - 1)), n replicates and max(1, (n - 1)(t - 1)) degrees of freedom. For n = b this
-    is the residual mean square with (b - 1)(t - 1). A mean over blocks has variance sigma^2 / n, so S has the
-    expectation sigma^2 (b - b / n)(t - 1) and s^2 is unbiased; the degrees of freedom are approximate.
+    With S the squared residuals of the additive layout of b blocks and t treatments, n effective blocks:
+    s^2 = S n / (b (n - 1) (t - 1)), n replicates, max(1, (n - 1)(t - 1)) degrees of freedom; for n = b
+    the residual mean square with (b - 1)(t - 1). A mean over blocks has variance sigma^2 / n, so S has
+    the expectation sigma^2 (b - b / n)(t - 1) and s^2 is unbiased; the degrees of freedom are approximate.
     """
     values = _check.finite(table, "table")
     if values.ndim != 2 or min(values.shape) < 2:
@@ -273,7 +273,7 @@ def _upper_tail(t: float, replicates: tuple[float, ...], control: float, df: flo
 
 @lru_cache(maxsize=256)
 def _top_mean(replicates: tuple[float, ...], sharpness: float) -> tuple[Array, Array]:
-    """Nodes x up to `_REACH` and P(M_k <= x) times weights, to integrate with densities of precision `sharpness`."""
+    """Nodes x up to `_REACH`; P(M_k <= x) times weights, for densities of precision up to `sharpness`."""
     low = -_REACH / math.sqrt(sum(replicates))
     x, dx = _panels(low, _REACH, 1.0 / math.sqrt(max(*replicates, sharpness)))
     return x, dx * _stays_up(x, np.array(replicates[::-1]))
@@ -307,8 +307,8 @@ def _normal(y: Array, r: float, drift: float) -> Array:
 
 
 def _panels(low: float, high: float, scale: float) -> tuple[Array, Array]:
-    """Gauss-Legendre nodes and weights on [low, high], in panels of at most 4 times the integrand's scale."""
-    n = max(1, math.ceil((high - low) / (4.0 * scale)))
+    """Gauss-Legendre nodes and weights on [low, high], in panels of at most 5 times the integrand's scale."""
+    n = max(1, math.ceil((high - low) / (5.0 * scale)))
     half = 0.5 * (high - low) / n
     centre = low + half * (2.0 * np.arange(n) + 1.0)
     return (centre[:, None] + half * _GAUSS).ravel(), np.tile(half * _GAUSS_WEIGHT, n)

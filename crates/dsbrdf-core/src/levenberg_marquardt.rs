@@ -121,7 +121,7 @@ fn solve_damped(hessian: &[f64], gradient: &[f64], damping: f64, l: &mut [f64], 
                 sum -= l[i * p + k] * l[j * p + k];
             }
             if i == j {
-                if !(sum > 0.0) {
+                if sum.is_nan() || sum <= 0.0 {
                     return false;
                 }
                 l[i * p + i] = sum.sqrt();

@@ -58,7 +58,7 @@ impl Table<'_> {
 fn row_moments(bytes: &[u8], cos_2phi: &[f64], scale: f64) -> [f64; MOMENTS] {
     let mut sums = [[0.0_f64; LANES]; MOMENTS];
     let mut add = |lane: usize, raw: f64, c: f64| {
-        let valid = raw >= 0.0 && raw < f64::INFINITY;
+        let valid = (0.0..f64::INFINITY).contains(&raw);
         let (f, one) = if valid { (raw * scale, 1.0) } else { (0.0, 0.0) };
         let c = c * one;
         for (sum, term) in sums.iter_mut().zip([one, f, f * f, c, c * c, f * c]) {

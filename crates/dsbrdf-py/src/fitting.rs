@@ -12,6 +12,11 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{elements, shaped};
 
+/// kappa and gamma as arrays.
+type ScaleAndShape<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
+/// Lobes as (kappa, gamma), the history of the objective, and whether the EM converged.
+type EmResult = (Vec<(f64, f64)>, Vec<f64>, bool);
+
 /// Fits moments (theta_d, channel, theta_h, moment) at `ln_cos` (theta_d, theta_h); a dict of arrays.
 #[pyfunction]
 #[pyo3(signature = (moments, ln_cos, factor, *, n_lobes, method, azimuthal, follow, log_offset))]
@@ -77,7 +82,7 @@ pub fn grow<'py>(
     moments: PyReadonlyArrayDyn<'py, f64>,
     ln_cos: PyReadonlyArrayDyn<'py, f64>,
     n_lobes: usize,
-) -> PyResult<Vec<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)>> {
+) -> PyResult<Vec<ScaleAndShape<'py>>> {
     let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
     let moments = elements(&moments, "moments")?;
     let ln_cos = shaped(&ln_cos, &[n_d, n_h], "ln_cos")?;
@@ -112,7 +117,7 @@ pub fn em(
     max_rounds: usize,
     tolerance: f64,
     start: Option<Vec<(f64, f64)>>,
-) -> PyResult<(Vec<(f64, f64)>, Vec<f64>, bool)> {
+) -> PyResult<EmResult> {
     let ln_cos = elements(&ln_cos, "ln_cos")?;
     let moments = shaped(&moments, &[ln_cos.len(), MOMENTS], "moments")?;
     let slice = Slice::new(moments, ln_cos, &vec![0.0; ln_cos.len()], Loss::L2);

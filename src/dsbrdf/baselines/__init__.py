@@ -1,8 +1,8 @@
 """Other models of a measured BRDF, to compare with: their fits, and one measure of error for all (Section 6).
 
-Each has `eval`, `eval_angles`, `name`, `label` and `n_parameters`, and a `fit_*` function that takes the samples that
-`dsbrdf.fit` takes: 18 slices, theta_h of at least one degree, inside the perimeter mask. `errors` gives the relative
-RMS of any of them, and of a `DSBRDF`, over those samples.
+Each has `eval`, `eval_angles`, `name`, `label` and `n_parameters`, and a `fit_*` function that takes the
+samples that `dsbrdf.fit` takes: 18 slices, theta_h of at least one degree, inside the perimeter mask.
+`errors` gives the relative RMS of any of them, and of a `DSBRDF`, over those samples.
 """
 
 from dsbrdf.baselines._base import AbstractBaseline, SliceOptions, errors

@@ -1,4 +1,4 @@
-"""What the baselines share: evaluation between directions and angles, tables over slices, and the measure of error."""
+"""What the baselines share: their interface, tables over slices, and the measure of error."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check, half_diff, metrics
 from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.slices import MIN_THETA_H, N_SLICES, slice_mask, slice_profiles, slice_rows
+from dsbrdf.slices import MIN_THETA_H, slice_mask, slice_profiles, slice_rows
 
-__all__ = ["AbstractBaseline", "Array", "SliceOptions", "blend_slices", "errors", "fill_gaps", "slice_table"]
+__all__ = [
+    "AbstractBaseline",
+    "Array",
+    "SliceOptions",
+    "bilinear",
+    "blend",
+    "errors",
+    "fill_gaps",
+    "ratio",
+    "slice_table",
+]
 
 Array = NDArray[np.float64]
 
@@ -61,7 +71,8 @@ class AbstractBaseline(ABC):
         Returns
         -------
         (..., channel) ndarray, 1/sr, without the cosine
-            Zero where a direction is below the horizon. The same to the last bit with `wi` and `wo` exchanged.
+            Zero where a direction is below the horizon. The same to the last bit with `wi` and `wo`
+            exchanged.
 
         Raises
         ------
@@ -104,7 +115,8 @@ def errors(
     Returns
     -------
     FitErrors
-        `rel_rms` is comparable with that of `dsbrdf.fit` with the same options; the floors are the data's.
+        `rel_rms` is comparable with that of `dsbrdf.fit` with the same options; the floors are the data's. A
+        sample below the horizon, which the perimeter mask leaves out, is held against a value of zero.
 
     Raises
     ------
@@ -132,7 +144,7 @@ def errors(
 
 
 def slice_table(measured: MeasuredBRDF, **options: Unpack[SliceOptions]) -> tuple[Array, Array, Array]:
-    """Means over phi_d of the slices, with `n_slices=N_SLICES` by default.
+    """Means over phi_d of the slices that `dsbrdf.fit` takes with the same options.
 
     Returns
     -------
@@ -146,7 +158,7 @@ def slice_table(measured: MeasuredBRDF, **options: Unpack[SliceOptions]) -> tupl
     ValueError
         If an option is out of range, or no slice has a valid sample.
     """
-    profiles = slice_profiles(measured, **{"n_slices": N_SLICES, **options})
+    profiles = slice_profiles(measured, **options)
     count = np.stack([profile.count for profile in profiles])
     if not count.any():
         raise ValueError(
@@ -177,7 +189,7 @@ def fill_gaps(x: Array, values: Array) -> Array:
     return filled
 
 
-def blend_slices(nodes: Array, x: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+def blend(nodes: Array, x: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Nodes at or below and above `x`, and the weight of the upper; the end nodes hold beyond the ends."""
     low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, max(nodes.size - 2, 0))
     high = np.minimum(low + 1, nodes.size - 1)
@@ -187,11 +199,16 @@ def blend_slices(nodes: Array, x: Array) -> tuple[NDArray[np.intp], NDArray[np.i
 
 def bilinear(theta_d: Array, x: Array, table: Array, at_theta_d: Array, at_x: Array) -> Array:
     """Values (..., channel) of a table (theta_d, channel, x) without gaps, between its nodes."""
-    d_low, d_high, d_weight = blend_slices(theta_d, at_theta_d)
-    x_low, x_high, x_weight = blend_slices(x, at_x)
+    d_low, d_high, d_weight = blend(theta_d, at_theta_d)
+    x_low, x_high, x_weight = blend(x, at_x)
     d_weight, x_weight = d_weight[..., None], x_weight[..., None]
     lower, upper = (
         (1.0 - x_weight) * table[d, :, x_low] + x_weight * table[d, :, x_high] for d in (d_low, d_high)
     )
     result: Array = (1.0 - d_weight) * lower + d_weight * upper
     return result
+
+
+def ratio(x: Array, y: Array) -> Array:
+    """`x / y`, zero where y is not positive."""
+    return np.divide(x, y, out=np.zeros_like(x), where=y > 0.0)

@@ -1,4 +1,4 @@
-"""Samples of the slices for models that vary with phi_d, and the separable least squares they are fitted by."""
+"""Samples of the slices for models that vary with phi_d, and least squares that separate."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ __all__ = ["Samples", "gather_samples", "refine"]
 class Samples:
     """Samples of the slices, those with the same `cos(phi_d)^2` put together.
 
-    An isotropic, mirror-symmetric and reciprocal reflectance has one value there, so its least squares lose nothing.
+    An isotropic, mirror-symmetric and reciprocal reflectance has one value there, so its least squares lose
+    nothing.
 
     Parameters
     ----------
@@ -68,8 +69,9 @@ def refine(
 ) -> tuple[Array, Array, float]:
     """Least squares `|basis(x) c - target|` over x in [low, high] and c >= 0, the best of several starts.
 
-    Variable projection (Golub and Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares
-    problems whose variables separate", SIAM J. Numer. Anal. 10, 1973): only x is searched, c is solved for.
+    Variable projection (Golub and Pereyra, "The differentiation of pseudo-inverses and nonlinear least
+    squares problems whose variables separate", SIAM J. Numer. Anal. 10, 1973): only x is searched, c is
+    solved for.
 
     Parameters
     ----------

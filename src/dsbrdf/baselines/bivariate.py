@@ -1,7 +1,7 @@
 """The bivariate table: a measured BRDF averaged over phi_d (Romeiro et al. 2008).
 
-Romeiro, Vasilyev and Zickler, "Passive reflectometry", ECCV 2008, LNCS 5305, pp. 859-872: reference 20 of the paper,
-which compares with it in Section 6.A.
+Romeiro, Vasilyev and Zickler, "Passive reflectometry", ECCV 2008, LNCS 5305, pp. 859-872: reference 20 of the
+paper, which compares with it in Section 6.A.
 """
 
 from __future__ import annotations

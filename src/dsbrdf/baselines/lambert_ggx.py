@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import reflectance
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions
+from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, ratio
 from dsbrdf.baselines._samples import Samples, gather_samples
 from dsbrdf.measured.brdf import MeasuredBRDF
 
 __all__ = ["LambertGGX", "fit_lambert_ggx"]
 
 #: Range of alpha, and values in it that are tried before the best is refined.
-ALPHA = (0.003, 1.5)
-N_GRID = 20
+ALPHA = (0.001, 1.5)
+N_GRID = 24
 
 
 @dataclass(frozen=True, eq=False)
 class LambertGGX(AbstractBaseline):
-    """A Lambertian reflectance and a GGX lobe under Schlick's Fresnel term, `albedo / pi + F D G / (4 cos_i cos_o)`.
+    """A Lambertian reflectance and a GGX lobe, `albedo / pi + F D G / (4 cos_i cos_o)`.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class LambertGGX(AbstractBaseline):
 
     Notes
     -----
-    D and G as in `dsbrdf.reflectance.ggx`. F: Schlick, "An inexpensive BRDF model for physically-based rendering",
-    Computer Graphics Forum 13(3), 1994.
+    D and G as in `dsbrdf.reflectance.ggx`. F: Schlick, "An inexpensive BRDF model for physically-based
+    rendering", Computer Graphics Forum 13(3), 1994.
     """
 
     label: ClassVar[str] = "Lambert + GGX"
@@ -90,8 +90,8 @@ def fit_lambert_ggx(
 
     Notes
     -----
-    Albedo and F0 follow from alpha by least squares within their bounds; alpha is searched on a grid and then by
-    Brent's method about the best value.
+    Albedo and F0 follow from alpha by least squares within their bounds; alpha is searched on a grid and then
+    by Brent's method about the best value.
     """
     from scipy import optimize
 
@@ -104,7 +104,7 @@ def fit_lambert_ggx(
         lobe = reflectance.ggx(samples.wi, samples.wo, float(np.exp(log_alpha)))[..., 0]
         return _solve(samples, subset, above / np.pi, (1.0 - grazing) * lobe, grazing * lobe)
 
-    log_grid = np.linspace(*np.log(ALPHA), N_GRID)
+    log_grid = np.log(np.geomspace(*ALPHA, N_GRID))
     costs = np.array([solve(log_alpha, channels)[1] for log_alpha in log_grid])
     subsets = [channels] if common_alpha else list(channels[:, None])
     log_alpha = np.empty(len(subsets))
@@ -116,7 +116,7 @@ def fit_lambert_ggx(
         def cost(x: float, subset: NDArray[np.intp] = subset) -> float:
             return float(solve(x, subset)[1].sum())
 
-        found = optimize.minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+        found = optimize.minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-8})
         log_alpha[i] = found.x
         linear[subset] = solve(log_alpha[i], subset)[0]
     return LambertGGX(linear[:, 0], linear[:, 1], np.exp(log_alpha), measured.name)
@@ -142,20 +142,16 @@ def _solve(
     x0, y0 = lambert @ left, lobe @ left
 
     def x_of(y: Array) -> Array:
-        return np.maximum(_ratio(x0 - xy * y, xx), 0.0)
+        return np.maximum(ratio(x0 - xy * y, xx), 0.0)
 
     # Minimum inside, or the best of those on the three edges
-    y_inside = np.clip(_ratio(xx * y0 - xy * x0, xx * yy - xy * xy), 0.0, 1.0)
-    y_edge = np.clip(_ratio(y0, yy), 0.0, 1.0)
+    y_inside = np.clip(ratio(xx * y0 - xy * x0, xx * yy - xy * xy), 0.0, 1.0)
+    y_edge = np.clip(ratio(y0, yy), 0.0, 1.0)
     candidates = [(x_of(y), y) for y in (y_inside, np.zeros_like(y0), np.ones_like(y0))]
     candidates.append((np.zeros_like(x0), y_edge))
     x, y = np.array(candidates).swapaxes(0, 1)
     squares = x * (x * xx + 2.0 * y * xy - 2.0 * x0) + y * (y * yy - 2.0 * y0)
     best = squares.argmin(0), np.arange(squares.shape[1])
     x, y = x[best], y[best]
-    residual = np.outer(lambert, x) + np.outer(lobe, y) + offset[:, None] - _ratio(total, n)
+    residual = np.outer(lambert, x) + np.outer(lobe, y) + offset[:, None] - ratio(total, n)
     return np.stack([x, y], axis=-1), np.einsum("nc,nc,nc->c", n, residual, residual)
-
-
-def _ratio(x: Array, y: Array) -> Array:
-    return np.divide(x, y, out=np.zeros_like(x), where=y > 0.0)

@@ -7,7 +7,7 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions
+from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, ratio
 from dsbrdf.baselines._samples import Samples, gather_samples, refine
 from dsbrdf.measured.brdf import MeasuredBRDF
 
@@ -36,10 +36,10 @@ class LambertTorranceSparrow(AbstractBaseline):
 
     Notes
     -----
-    G: V-cavities, `min(1, 2 (n.h) (n.wi) / (wi.h), 2 (n.h) (n.wo) / (wo.h))`; Torrance and Sparrow, "Theory for
-    off-specular reflection from roughened surfaces", J. Opt. Soc. Am. 57, 1105 (1967). D: Beckmann's distribution
-    `exp(-tan(theta_h)^2 / m^2) / (pi m^2 cos(theta_h)^4)`; Cook and Torrance, "A reflectance model for computer
-    graphics", ACM Trans. Graph. 1, 7 (1982). References 7 and 6 of the paper.
+    G: V-cavities, `min(1, 2 (n.h) (n.wi) / (wi.h), 2 (n.h) (n.wo) / (wo.h))`; Torrance and Sparrow, "Theory
+    for off-specular reflection from roughened surfaces", J. Opt. Soc. Am. 57, 1105 (1967). D: Beckmann's
+    distribution `exp(-tan(theta_h)^2 / m^2) / (pi m^2 cos(theta_h)^4)`; Cook and Torrance, "A reflectance
+    model for computer graphics", ACM Trans. Graph. 1, 7 (1982). References 7 and 6 of the paper.
     """
 
     label: ClassVar[str] = "Lambert + Torrance-Sparrow"
@@ -114,12 +114,13 @@ def fit_lambert_torrance_sparrow(
 
     Notes
     -----
-    A lobe is a function of theta_h times one of the geometry without parameters. The squares over all samples are
-    therefore those over two rows for each theta_h, plus a constant. Albedos are solved for by non-negative least
-    squares, and all pairs of a grid of roughnesses are tried before the best are refined: no start is set by hand.
+    A lobe is a function of theta_h times one of the geometry without parameters. The squares over all samples
+    are therefore those over two rows for each theta_h, plus a constant. Albedos are solved for by
+    non-negative least squares, and all pairs of a grid of roughnesses are tried before the best are refined:
+    no start is set by hand.
     """
     tan_sq, rows, targets = _collapse(gather_samples(measured, **options))
-    log_grid = np.linspace(*np.log(ROUGHNESS), N_GRID)
+    log_grid = np.log(np.geomspace(*ROUGHNESS, N_GRID))
     albedo = np.zeros(measured.n_channels)
     lobe_albedo, roughness = np.zeros((measured.n_channels, 2)), np.ones((measured.n_channels, 2))
     for channel, (row, target) in enumerate(zip(rows, targets, strict=True)):
@@ -160,20 +161,16 @@ def _collapse(samples: Samples) -> tuple[Array, Array, Array]:
 
     # Cholesky factor of [[n, g], [g, gg]]; a row without weight says nothing
     first = np.sqrt(n)
-    across = _ratio(g, first)
+    across = ratio(g, first)
     second = np.sqrt(np.maximum(gg - across**2, 0.0))
     second[second**2 < 1e-12 * gg] = 0.0
-    target = _ratio(f, first)
+    target = ratio(f, first)
     rows = np.stack([np.stack([first, np.zeros_like(first)], -1), np.stack([across, second], -1)], axis=-2)
-    return np.tan(nodes) ** 2, rows, np.stack([target, _ratio(fg - across * target, second)], axis=-1)
-
-
-def _ratio(x: Array, y: Array) -> Array:
-    return np.divide(x, y, out=np.zeros_like(x), where=y > 0.0)
+    return np.tan(nodes) ** 2, rows, np.stack([target, ratio(fg - across * target, second)], axis=-1)
 
 
 def _best_pairs(columns: Array, target: Array) -> list[tuple[int, int]]:
-    """Pairs of lobes of a dictionary (row, 1 + lobe) that fit best together with column 0, apart from each other."""
+    """Pairs of lobes that fit best with column 0 of (row, 1 + lobe), apart from each other on the grid."""
     gram, moment = columns.T @ columns, columns.T @ target
     first, second = np.triu_indices(len(gram) - 1, 1)
     members = np.stack([np.zeros_like(first), first + 1, second + 1], axis=-1)

@@ -1,4 +1,4 @@
-"""Mixtures of von Mises-Fisher lobes in each slice: what the paper sets out to improve on (Section 3, Eq. 3)."""
+"""Von Mises-Fisher lobes in each slice: what the paper sets out to improve on (Section 3, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar, Unpack
 import numpy as np
 
 from dsbrdf import _check, half_diff
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, blend_slices, slice_table
+from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, blend, slice_table
 from dsbrdf.baselines._samples import refine
 from dsbrdf.measured.brdf import MeasuredBRDF
 
@@ -53,7 +53,7 @@ class VonMisesFisher(AbstractBaseline):
 
     def _values(self, wi: Array, wo: Array) -> Array:
         theta_h, theta_d, _ = half_diff.from_directions(wi, wo)
-        low, high, weight = blend_slices(self.theta_d, theta_d)
+        low, high, weight = blend(self.theta_d, theta_d)
         # cos(theta_h) - 1 without cancellation; not past the horizon
         depth = -2.0 * np.sin(0.5 * np.minimum(theta_h, np.pi / 2))[..., None] ** 2
         values = np.zeros((*theta_h.shape, self.kappa.shape[1]))
@@ -89,10 +89,10 @@ def fit_von_mises_fisher(
 
     Notes
     -----
-    The lobes do not depend on phi_d, so the squares over all samples are those over the means, weighted by their
-    number, plus a constant. Lobes are chosen from a list of concentrations, one exchanged at a time while that
-    lowers the squares; then all concentrations are refined together. Amplitudes are always those of non-negative
-    least squares.
+    The lobes do not depend on phi_d, so the squares over all samples are those over the means, weighted by
+    their number, plus a constant. Lobes are chosen from a list of concentrations, one exchanged at a time
+    while that lowers the squares; then all concentrations are refined together. Amplitudes are always those
+    of non-negative least squares.
     """
     if n_lobes < 1:
         raise ValueError(f"'n_lobes' must be at least 1, got {n_lobes}.")
@@ -100,7 +100,7 @@ def fit_von_mises_fisher(
     depth = -2.0 * np.sin(0.5 * _check.angle(measured.theta_h, "theta_h")) ** 2
     amplitude = np.zeros((*mean.shape[:2], n_lobes))
     kappa = np.zeros_like(amplitude)
-    log_grid = np.linspace(*np.log(KAPPA), N_GRID)
+    log_grid = np.log(np.geomspace(*KAPPA, N_GRID))
     for index in np.argwhere(count.any(-1)):
         some = count[*index] > 0.0
         root = np.sqrt(count[*index][some])
@@ -116,9 +116,9 @@ def fit_von_mises_fisher(
 
     # Empty slices
     rows = np.arange(len(theta_d))
-    for channel, has_data in enumerate(count.any(-1).T):
-        if has_data.any():
-            full = rows[has_data]
+    for channel in range(measured.n_channels):
+        full = rows[count[:, channel].any(-1)]
+        if full.size:
             nearest = full[np.abs(rows[:, None] - full).argmin(1)]
             amplitude[:, channel], kappa[:, channel] = amplitude[nearest, channel], kappa[nearest, channel]
     return VonMisesFisher(theta_d, amplitude, kappa, measured.name)
@@ -129,14 +129,16 @@ def _exchange(columns: Array, target: Array, n_lobes: int) -> list[int]:
     from scipy import optimize
 
     chosen: list[int] = []
-    best = np.inf
+    best, idle = np.inf, 0
     for step in range(n_lobes * N_ROUNDS):
-        others = chosen if step < n_lobes else chosen[1:]
+        # The oldest is up for exchange; if nothing is better it becomes the youngest
+        oldest, others = (chosen[:1], chosen[1:]) if step >= n_lobes else ([], chosen)
         costs = [optimize.nnls(columns[:, [*others, i]], target)[1] for i in range(columns.shape[1])]
         candidate = int(np.argmin(costs))
-        if step >= n_lobes and costs[candidate] >= best * (1.0 - 1e-9):
-            # The oldest stays; try the next oldest
-            chosen = [*others, chosen[0]]
-            continue
-        chosen, best = [*others, candidate], costs[candidate]
+        if oldest and costs[candidate] >= best * (1.0 - 1e-9):
+            chosen, idle = [*others, *oldest], idle + 1
+        else:
+            chosen, best, idle = [*others, candidate], costs[candidate], 0
+        if idle == n_lobes:
+            break
     return chosen
