@@ -2,8 +2,8 @@
 
     python benchmarks/azimuthal_figures.py OUT MERL RGL
 
-OUT is the folder they are written to (docs/images); MERL and RGL are as in azimuthal_forms.py, which reads and
-fits the materials. Needs matplotlib.
+OUT is the folder they are written to (docs/images). MERL and RGL are as in azimuthal_forms.py, which reads
+and fits the materials. Needs matplotlib.
 """
 
 from __future__ import annotations

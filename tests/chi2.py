@@ -60,9 +60,11 @@ def counts(samples, cells=CELLS):
 def p_value(samples, mass):
     """Probability of samples at least as far from what `mass` (cells) says; one more cell holds those in none."""
     n = len(samples)
-    observed, expected = counts(samples).ravel(), n * mass.ravel()
+    observed, expected = counts(samples, mass.shape).ravel(), n * mass.ravel()
     observed = np.append(observed, n - observed.sum())
     expected = np.append(expected, n - expected.sum())
+    if expected[-1] < -FEWEST:
+        return 0.0
     order = np.argsort(expected)
     few = np.cumsum(expected[order]) < FEWEST
     few |= expected[order] < FEWEST

@@ -8,11 +8,12 @@ from scipy import optimize
 from tables import built_in, quiet_fit
 
 from dsbrdf import baselines as bl
-from dsbrdf import fit, half_diff, reflectance, slice_profiles, tabulate
+from dsbrdf import half_diff, reflectance, slice_profiles, tabulate
 from dsbrdf.baselines._samples import gather_samples
 from dsbrdf.slices import slice_mask, slice_rows
 
 SHAPE = (90, 18, 36)
+FEW = (45, 18, 12)
 ANGLES = np.pi / 2 * (np.arange(18) + 0.5) / 18
 
 TORRANCE_SPARROW = bl.LambertTorranceSparrow(
@@ -185,7 +186,7 @@ def test_finds_torrance_sparrow_lobes(convention):
 
 @pytest.mark.parametrize("truth", [GGX, GGX_APART])
 def test_finds_ggx(truth):
-    measured = table_of(truth, shape=(45, 18, 20))
+    measured = table_of(truth, shape=FEW)
     found = bl.fit_lambert_ggx(measured, common_alpha=truth.alpha.size == 1)
     np.testing.assert_allclose(found.alpha, truth.alpha, rtol=1e-5)
     np.testing.assert_allclose(found.albedo, truth.albedo, atol=1e-5)
@@ -208,8 +209,8 @@ def test_finds_von_mises_fisher_lobes(n_lobes):
 
 def test_more_lobes_fit_better():
     measured = built_in("rough-gold")
-    fits = [bl.fit_von_mises_fisher(measured, n) for n in (1, 2, 3)]
-    left = [bl.errors(fitted, measured).squares for fitted in fits]
+    fits = [bl.fit_von_mises_fisher(measured, n, n_slices=6) for n in (1, 2, 3)]
+    left = [bl.errors(fitted, measured, n_slices=6).squares for fitted in fits]
     assert (left[1] <= left[0] * (1.0 + 1e-9)).all()
     assert (left[2] <= left[1] * (1.0 + 1e-9)).all()
     assert left[2].sum() < 0.5 * left[0].sum()
@@ -218,7 +219,7 @@ def test_more_lobes_fit_better():
 @pytest.mark.parametrize("name", ["glossy-plastic", "rough-gold"])
 def test_no_random_start_beats_torrance_sparrow(name, rng):
     """Against all five parameters at once, over the raw samples, from starts all over their range."""
-    measured = built_in(name)
+    measured = built_in(name, FEW)
     fitted = bl.fit_lambert_torrance_sparrow(measured)
     left = bl.errors(fitted, measured).squares.sum(0)[0]
     rows = slice_rows(18)
@@ -240,15 +241,15 @@ def test_no_random_start_beats_torrance_sparrow(name, rng):
         return (albedo / np.pi + (a * facets(m) + b * facets(n)) * shadowing - f).ravel()
 
     low, high = np.log([1e-4] * 3 + [0.005] * 2), np.log([1e2] * 3 + [2.0] * 2)
-    for _ in range(4):
+    for _ in range(3):
         start = np.log(np.concatenate([rng.uniform(0.01, 1.0, 3), np.exp(rng.uniform(-4.0, 0.0, 2))]))
-        found = optimize.least_squares(residual, start, bounds=(low, high), max_nfev=60)
+        found = optimize.least_squares(residual, start, bounds=(low, high), max_nfev=40)
         assert left <= 2.0 * found.cost * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("name", ["polished-chrome", "grey-primer"])
 def test_no_width_beats_that_of_ggx(name):
-    measured = built_in(name)
+    measured = built_in(name, FEW)
     fitted = bl.fit_lambert_ggx(measured)
     left = bl.errors(fitted, measured).squares.sum()
     for alpha in np.geomspace(0.002, 1.4, 12):
@@ -258,7 +259,7 @@ def test_no_width_beats_that_of_ggx(name):
 
 
 def test_ggx_width_for_each_channel_is_no_worse():
-    measured = built_in("rough-gold")
+    measured = built_in("rough-gold", FEW)
     common, apart = (bl.fit_lambert_ggx(measured, common_alpha=flag) for flag in (True, False))
     assert (common.n_parameters, apart.n_parameters) == (7, 9)
     assert bl.errors(apart, measured).rel_rms <= bl.errors(common, measured).rel_rms * (1.0 + 1e-9)
@@ -450,6 +451,6 @@ def test_bad_options_are_refused(small_table):
 @pytest.mark.parametrize("name", ["glossy-plastic", "rough-gold", "grey-primer"])
 def test_the_model_beats_lambert_and_torrance_sparrow(name):
     """Fig. 7: three lobes a slice against three for all."""
-    measured = built_in(name)
+    measured = built_in(name, FEW)
     fitted = bl.fit_lambert_torrance_sparrow(measured)
-    assert fit(measured, 3).errors.rel_rms < 0.5 * bl.errors(fitted, measured).rel_rms
+    assert quiet_fit(measured, 3).errors.rel_rms < 0.5 * bl.errors(fitted, measured).rel_rms

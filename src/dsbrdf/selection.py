@@ -26,6 +26,8 @@ ALPHA = 0.01
 NOISE = 0.01
 #: Share of the slices that counts as independent: neighbours are 5 degrees apart and alike.
 INDEPENDENT_SHARE = 0.5
+#: Slices that Williams' test needs at least; with fewer, BIC decides.
+MIN_BLOCKS = 6
 CRITERIA = ("williams", "bic", "held-out")
 
 
@@ -90,6 +92,7 @@ def select_lobes(
     ----------
     profiles : sequence of SliceProfile
     criterion : {"williams", "bic", "held-out"}, optional
+        With fewer than six slices, "williams" gives way to "bic".
     max_lobes : int, optional
     alpha : float, optional
         Level of Williams' test.
@@ -112,6 +115,8 @@ def select_lobes(
     _, theta_h, moments = stack_profiles(profiles)
     log_cos = 0.5 * np.log1p(-np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53))
     fits = _core.grow(moments, log_cos, max_lobes)
+    if criterion == "williams" and len(profiles) < MIN_BLOCKS:
+        criterion = "bic"
     if criterion == "williams":
         return _by_williams([divergence(profiles, *fit) for fit in fits], moments, alpha)
     if criterion == "bic":
@@ -136,7 +141,7 @@ def _by_williams(
     max_lobes = loss.shape[1]
     values = loss.mean(0)
     statistic, critical = np.full(max_lobes, np.nan), np.full(max_lobes, np.nan)
-    if max_lobes == 1 or len(loss) < 2:
+    if max_lobes == 1 or len(loss) < MIN_BLOCKS:
         return LobeSelection(max_lobes, "williams", values, statistic, critical)
     # Control first: all lobes; then one, two, ... lobes fewer
     table = loss[:, ::-1]

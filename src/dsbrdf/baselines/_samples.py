@@ -95,7 +95,7 @@ def refine(
         return left
 
     solutions = [
-        optimize.least_squares(residual, start, bounds=(low, high), xtol=1e-12, ftol=1e-14, gtol=1e-14)
+        optimize.least_squares(residual, start, bounds=(low, high), xtol=1e-10, ftol=1e-13, gtol=1e-13)
         for start in starts
     ]
     best = min(solutions, key=lambda solution: float(solution.cost))

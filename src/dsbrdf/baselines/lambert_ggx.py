@@ -116,7 +116,7 @@ def fit_lambert_ggx(
         def cost(x: float, subset: NDArray[np.intp] = subset) -> float:
             return float(solve(x, subset)[1].sum())
 
-        found = optimize.minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-8})
+        found = optimize.minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-7})
         log_alpha[i] = found.x
         linear[subset] = solve(log_alpha[i], subset)[0]
     return LambertGGX(linear[:, 0], linear[:, 1], np.exp(log_alpha), measured.name)
