@@ -36,6 +36,7 @@ from dsbrdf.fit import fit_profiles
 from dsbrdf.reflectance import ggx
 
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#777777"
+BROWN = "#8a3c00"
 N_LOBES = 3
 DPI = 110
 STYLE = {
@@ -50,7 +51,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Slice:
-    """A slice of a material to draw: theta_d and the range of theta_h in degrees, green channel."""
+    """A slice of a material to draw, the nearest to theta_d; angles in degrees, green channel."""
 
     samples: Samples
     title: str
@@ -85,7 +86,7 @@ def draw_slice(ax: Axes, what: Slice) -> None:
     ax.set(yscale="log", xlabel="θh (degrees)", xlim=(0.0, None))
     ax.set_yticks(what.ticks, [f"{tick:g}" for tick in what.ticks])
     ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.set_title(what.title, fontsize=9)
+    ax.set_title(f"{what.title}, θd = {np.degrees(samples.theta_d[i]):.3g}°", fontsize=9)
     ax.legend()
 
 
@@ -93,8 +94,8 @@ def draw_what(path: Path, merl: Path, rgl: Path) -> None:
     """One slice with beta < 0 and one with beta > 0."""
     paint, teflon = rgl_samples(rgl / "aurora_white_rgb.bsdf"), merl_samples(merl / "teflon.binary")
     slices = (
-        Slice(paint, "aurora_white (RGL), θd = 45°", 45.0, 30.0, (0.1, 0.2, 0.5, 1, 2, 5), "measured"),
-        Slice(teflon, "teflon (NBRDF-decoded MERL), θd = 70°", 70.0, 90.0, (0.2, 0.3, 0.5, 1), "decoded"),
+        Slice(paint, "aurora_white (RGL)", 45.0, 30.0, (0.1, 0.2, 0.5, 1, 2, 5), "measured"),
+        Slice(teflon, "teflon (NBRDF-decoded MERL)", 70.0, 90.0, (0.2, 0.3, 0.5, 1), "decoded"),
     )
     fig, axes = plt.subplots(1, 2, figsize=(7.6, 3.2), layout="constrained")
     for ax, what in zip(axes, slices, strict=True):
@@ -140,14 +141,22 @@ def draw_materials(path: Path, merl: Path, rgl: Path) -> None:
     fig, ax = plt.subplots(figsize=(4.8, 4.4), layout="constrained")
     limits = (2e-3, 1.0)
     ax.plot(limits, limits, color=GREY, lw=0.8)
-    ax.text(0.0026, 0.0031, "no change", color=GREY, fontsize=8, rotation=45)
+    ax.text(0.0034, 0.0041, "no change", color=GREY, fontsize=8, rotation=45)
     label = f"{len(errors[False])} NBRDF-decoded MERL"
     ax.plot(*np.transpose(errors[False]), "o", ms=3.5, mfc="none", mec=BLUE, label=label)
     ax.plot(*np.transpose(errors[True]), "s", ms=5, color=ORANGE, label=f"{len(names)} RGL measurements")
-    offsets = {"aurora_white": (6, 4), "cc_ibiza_sunset": (6, -4), "chm_orange": (-50, 3)}
+    offsets = {"cc_ibiza_sunset": (6, -2), "irid_flake_paint1": (16, -30)}
+    offsets |= {"chm_orange": (-26, -12), "vch_silk_blue": (-18, -12)}
     for name, point in zip(names, errors[True], strict=True):
-        offset = offsets.get(name, (6, -6))
-        ax.annotate(name, point, xytext=offset, textcoords="offset points", fontsize=6.5, color="#8a3c00")
+        ax.annotate(
+            name,
+            point,
+            xytext=offsets.get(name, (6, -3)),
+            textcoords="offset points",
+            fontsize=6.5,
+            color=BROWN,
+            arrowprops={"arrowstyle": "-", "color": BROWN, "lw": 0.5} if name.startswith("irid") else None,
+        )
     ax.set(xscale="log", yscale="log", xlim=limits, ylim=limits, aspect="equal")
     ax.set(xlabel="relative RMS without β (K = 3)", ylabel="relative RMS with β (K = 3)")
     ax.legend(loc="upper left")

@@ -1,7 +1,7 @@
 """Chi-square test of samples on the hemisphere against a density, after `chi2.py` of Mitsuba 3.
 
-Cells are equal in cos(theta) and phi, hence in solid angle. Expected counts come from Gauss-Legendre quadrature,
-refined in each cell until it settles, so that lobes much narrower than a cell are met.
+Cells are equal in cos(theta) and phi, hence in solid angle. Expected counts come from Gauss-Legendre
+quadrature, refined in each cell until it settles, so that lobes much narrower than a cell are met.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ def counts(samples, cells=CELLS):
 
 
 def p_value(samples, mass):
-    """Probability of samples at least as far from what `mass` (cells) says; one more cell holds those in none."""
+    """Chance of samples as far from `mass` (cells); one more cell holds what is below the horizon."""
     n = len(samples)
     observed, expected = counts(samples, mass.shape).ravel(), n * mass.ravel()
     observed = np.append(observed, n - observed.sum())

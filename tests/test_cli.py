@@ -113,7 +113,7 @@ def test_fit_prints_a_table(run, gold_file):
     (line,) = [line.split() for line in out.splitlines() if line.startswith("gold")]
     assert line[:4] == [
         "gold",
-        "3",
+        f"{expected.model.n_lobes}",
         f"{100 * expected.errors.rel_rms:.2f}",
         f"{100 * expected.errors.bivariate_floor:.2f}",
     ]
@@ -323,7 +323,9 @@ def test_a_reader_that_goes_away(gold_file):
     [
         (["paint"], "No such command 'paint'"),
         (["fit"], "Missing argument"),
-        (["fit", "matte", "--lobes", "0"], "--lobes"),
+        (["fit", "matte", "--lobes", "0"], "expected a number from 1 to 10, or auto, got '0'"),
+        (["fit", "matte", "--lobes", "many"], "--lobes"),
+        (["fit", "matte", "--slices", "0"], "--slices"),
         (["fit", "matte", "--loss", "l3"], "--loss"),
         (["fit", "matte", "--speed", "9"], "--speed"),
         (["fit", "matte", "--plot"], "add -o DIR"),

@@ -30,7 +30,7 @@ def test_command_prints_a_row_and_writes_figures(tmp_path, monkeypatch, capsys):
     out = capsys.readouterr().out
     (line,) = [line.split() for line in out.splitlines() if line.startswith("matte")]
     model = dsbrdf.load(tmp_path / "matte.json")
-    assert line[1] == "3"
+    assert line[1] == f"{model.n_lobes}"
     assert line[2:6] == [
         f"{100 * model.errors[key]:.2f}"
         for key in ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor")

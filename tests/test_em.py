@@ -10,7 +10,8 @@ from tables import built_in, objectives, quiet_fit, sums_of_squares
 
 from dsbrdf import _core, read, slice_profiles
 
-NAMES = ["rough-gold", "polished-chrome", "glossy-plastic", "matte", "paint-two-lobe"]
+SPECULAR = ["rough-gold", "polished-chrome", "glossy-plastic", "satin-plastic", "paint-two-lobe"]
+NAMES = [*SPECULAR, "matte"]
 
 
 def slices(name, indices=(0, 6, 14), channel=0):
@@ -42,9 +43,9 @@ def test_kernel_equals_the_twin_round_by_round(name, index, n_lobes):
 
 
 @pytest.mark.parametrize("n_lobes", [1, 2, 4])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SPECULAR)
 def test_each_round_is_an_em_round(name, n_lobes):
-    """From the same lobes, the twin's E-step sets the shares, to which the kernel's M-step must have fitted."""
+    """From the same lobes, the twin's E-step sets the shares that the kernel's M-step must have fitted."""
     short = []
     for moments, ln_cos in slices(name):
         s = twin.make_slice(moments, ln_cos)
@@ -70,7 +71,7 @@ def misfit(x, s, share):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_starts_as_the_paper_does(name):
-    """kappa from the peak; gamma of ln(ln(1 + f) / kappa) = gamma ln cos(theta_h); halved for each further lobe."""
+    """kappa from the peak, gamma of ln(ln(1 + f) / kappa) = gamma ln cos(theta_h), then halves."""
     for moments, ln_cos in slices(name):
         some = moments[:, 0] > 0.0
         mean = moments[some, 1] / moments[some, 0]
@@ -145,28 +146,26 @@ def test_takes_a_start():
     np.testing.assert_allclose(rest, whole[4:], rtol=1e-12)
 
 
-# Rounds that raise the sum of squares and rounds in all, for three lobes: 18 slices, three channels, at most 60
-# rounds each, as measured. An M-step fits lobes to shares, which promises nothing about the sum of squares.
+# Share of the rounds that raise the sum of squares, measured for three lobes on 18 slices and three channels.
+# An M-step fits lobes to their shares, which promises nothing about the sum of squares.
 RISES = {
-    "rough-copper": (0, 1761),
-    "rough-gold": (7, 1482),
-    "polished-chrome": (18, 1500),
-    "satin-plastic": (33, 1612),
-    "paint-two-lobe": (76, 1307),
+    "rough-copper": 0.000,
+    "rough-gold": 0.005,
+    "polished-chrome": 0.012,
+    "satin-plastic": 0.020,
+    "paint-two-lobe": 0.058,
 }
-DECODED_RISES = {"aventurnine": (136, 870), "dark-blue-paint": (59, 1307), "red-fabric2": (0, 396)}
+DECODED_RISES = {"aventurnine": 0.16, "dark-blue-paint": 0.045, "red-fabric2": 0.00}
 
 
 def check_rises(measured, expected):
     fitted = quiet_fit(measured, 3, method="em")
-    changes = [np.diff(report.em_history) for report in fitted.slices if report.em_history]
-    energy = fitted.errors.energy[fitted.errors.energy > 0.0]
-    count, rounds = sum((change > 0.0).sum() for change in changes), sum(map(len, changes))
-    assert abs(count - expected[0]) <= 0.02 * rounds
-    assert abs(rounds - expected[1]) <= 0.1 * rounds
-    largest = max(change.max() / e for change, e in zip(changes, energy, strict=True))
-    assert largest < 1e-3
-    return count
+    energy = fitted.errors.energy.ravel()
+    changes = [np.diff(report.em_history) / e for report, e in zip(fitted.slices, energy, strict=True) if e]
+    changes = np.concatenate(changes)
+    assert len(changes) > 300
+    assert abs((changes > 0.0).mean() - expected) < 0.02
+    assert changes.max() < 1e-3
 
 
 @pytest.mark.parametrize("name", RISES)

@@ -4,10 +4,10 @@ import importlib.util
 
 import numpy as np
 import pytest
+from tables import formula
 
 from dsbrdf import DSBRDF, half_diff
 from dsbrdf.evaluation import evaluate_any
-from tables import formula
 
 N_SLICES, N_CHANNELS, N_LOBES = 7, 3, 3
 
@@ -287,7 +287,7 @@ def jax64():
 
 @pytest.fixture(scope="module")
 def jax_gradients():
-    """Gradients of a weighted sum of values by `wi`, `wo`, kappa, gamma and beta; compiled for N_PAIRS pairs."""
+    """Gradients of a weighted sum of values by `wi`, `wo`, kappa, gamma and beta, compiled for N_PAIRS."""
     jax = pytest.importorskip("jax")
     model = random_model()
 

@@ -20,7 +20,7 @@ def fit():
     table = dsbrdf.tabulate(materials.get("rough-gold").reflectance, "gold", shape=SHAPE)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
-        return dsbrdf.fit(table)
+        return dsbrdf.fit(table, n_lobes=3)
 
 
 @pytest.fixture(scope="module")
@@ -125,13 +125,24 @@ def test_parameter_figure_shows_the_parameters(fit):
 def test_demo_figure_has_a_row_a_fit(fit, grey_fit):
     figure = plot.demo_figure([fit, grey_fit], n_pixels=16)
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
-    assert [text for text in texts if "error" not in text] == ["gold", "grey"]
+    assert texts[::2] == ["gold", "grey"]
+    assert f"3 lobes, error {100 * fit.errors.rel_rms:.2f} %" in texts[1]
     pictures = [axes.images[0].get_array() for axes in figure.axes if axes.images]
     # Measured, fitted, and three or two lobes
     assert len(pictures) == 5 + 4
     np.testing.assert_allclose(pictures[0], pictures[1], atol=0.15)
     headers = [text.get_text() for text in figure.texts]
     assert headers[:5] == ["measured", "fitted", "lobe 0", "lobe 1", "lobe 2"]
+
+
+def test_demo_figure_puts_further_lobes_together(fit, monkeypatch):
+    monkeypatch.setattr(plot, "SHOWN_LOBES", 1)
+    figure = plot.demo_figure([fit], n_pixels=16)
+    assert [text.get_text() for text in figure.texts][:4] == ["measured", "fitted", "lobe 0", "others"]
+    fitted, first, others = ([axes.images[0].get_array() for axes in figure.axes if axes.images])[1:]
+    dim = (fitted < 1.0).all(-1)
+    linear = [picture[dim][:, :3] ** 2.2 for picture in (fitted, first, others)]
+    np.testing.assert_allclose(linear[1] + linear[2], linear[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf"])

@@ -1,6 +1,7 @@
 """Short NumPy twins of the compiled kernel (crates/dsbrdf-core): slow, readable, and for tests only.
 
-The unknowns of a slice are x, (lobe, 2) or (lobe, 3): ln kappa, ln gamma and, with the azimuthal term, asin beta.
+The unknowns of a slice are x, (lobe, 2) or (lobe, 3): ln kappa, ln gamma and, with the azimuthal term, asin
+beta.
 """
 
 from dataclasses import dataclass
@@ -95,13 +96,23 @@ def bounds(s):
     return np.array([-40.0, -14.0]), np.array([np.log(np.log1p(100.0 * s.mean.max())), 14.0])
 
 
-def fit_lobe(x, s, target):
-    """Least-squares fit (2,) of one lobe to `target` from x (2,): the M-step, to its end."""
-    low, high = bounds(s)
-    options = {"x_scale": "jac", "bounds": (low, high), "max_nfev": 100}
-    start = np.clip(x, low + 1e-9, high - 1e-9)
-    rows, slopes = lambda y: residual(y[None], s, target), lambda y: jacobian(y[None], s)
-    return least_squares(rows, start, slopes, **options).x
+def refine(x, s, target=None):
+    """Least-squares fit of all lobes together, from x; to `target` instead of the mean over phi_d."""
+    low, high = ([*limits, limit][: x.shape[1]] * len(x) for limits, limit in zip(bounds(s), (-1.57, 1.57)))
+    best = least_squares(
+        lambda y: residual(y.reshape(x.shape), s, target),
+        np.clip(x.ravel(), np.add(low, 1e-9), np.add(high, -1e-9)),
+        lambda y: jacobian(y.reshape(x.shape), s),
+        bounds=(low, high),
+        x_scale="jac",
+        max_nfev=100,
+    )
+    return best.x.reshape(x.shape)
+
+
+def fit_lobe(x, s, share):
+    """Least-squares fit (2,) of one lobe to its share, from x (2,): the M-step, to its end."""
+    return refine(x[None], s, share)[0]
 
 
 def estimate_lobe(s, target):

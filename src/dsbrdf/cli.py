@@ -197,7 +197,9 @@ def fit(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write each model to DIR/<name>.json.")
     ] = None,
-    lobes: Annotated[int, typer.Option(min=1, max=10, help="Lobes in each slice and channel.")] = 3,
+    lobes: Annotated[
+        str, typer.Option(metavar="N", help="Lobes in each slice and channel; auto: as few as will do.")
+    ] = "auto",
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's model: no azimuthal term, lobes ordered by kappa.")
     ] = False,
@@ -217,7 +219,7 @@ def fit(
         raise ModuleNotFoundError(missing)
     if out is not None:
         _check_folder(out)
-    options: dict[str, Any] = {"n_lobes": lobes, "loss": loss.value, "n_slices": slices}
+    options: dict[str, Any] = {"n_lobes": _lobe_count(lobes), "loss": loss.value, "n_slices": slices}
     if paper:
         options |= {"azimuthal": False, "order": "kappa"}
     state: _State = context.obj
@@ -249,6 +251,18 @@ def info(
     from dsbrdf import model_file, report
 
     report.print_model(model_file.load(model))
+
+
+def _lobe_count(text: str) -> int | str:
+    from dsbrdf.fit import MAX_LOBES
+
+    if text == "auto":
+        return text
+    if not text.isdecimal() or not 1 <= int(text) <= MAX_LOBES:
+        raise typer.BadParameter(
+            f"expected a number from 1 to {MAX_LOBES}, or auto, got {text!r}.", param_hint="'--lobes'"
+        )
+    return int(text)
 
 
 def _targets(files: Sequence[str], state: _State, problems: list[str]) -> list[str]:

@@ -207,7 +207,7 @@ def fit(
     start = time.perf_counter()
     profiles = slice_profiles(measured, n_slices=n_slices, **masks)
     chosen = None
-    if not isinstance(n_lobes, int):
+    if isinstance(n_lobes, str):
         chosen = select_lobes(profiles)
         n_lobes = chosen.n_lobes
     parameters, reports = fit_profiles(
@@ -334,9 +334,9 @@ def _report_trouble(reports: Sequence[SliceReport], strict: bool) -> None:
     trouble = [report for report in reports if report.status is FitStatus.MAX_ITERATIONS]
     if not trouble:
         return
-    where = ", ".join(
-        f"theta_d={report.theta_d:.4f} channel {report.channel}" for report in trouble[:5]
-    ) + (", ..." if len(trouble) > 5 else "")
+    where = ", ".join(f"theta_d={report.theta_d:.4f} channel {report.channel}" for report in trouble[:5]) + (
+        ", ..." if len(trouble) > 5 else ""
+    )
     text = f"{len(trouble)} of {len(reports)} slices ({where}): {FitStatus.MAX_ITERATIONS.message}"
     if strict:
         raise RuntimeError(text)

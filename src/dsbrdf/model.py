@@ -68,7 +68,11 @@ class DSBRDF:
             if isinstance(values, np.ndarray | list | tuple):
                 values = np.ascontiguousarray(_check.finite(values, name, **limits))
                 object.__setattr__(self, name, values)
-            if values.ndim != 3 or values.shape[0] != theta_d.size or tuple(values.shape) != tuple(self.kappa.shape):
+            if (
+                values.ndim != 3
+                or values.shape[0] != theta_d.size
+                or tuple(values.shape) != tuple(self.kappa.shape)
+            ):
                 raise ValueError(
                     f"'{name}' must have shape (theta_d, channel, lobe) like 'kappa' with {theta_d.size} theta_d, "
                     f"got {tuple(values.shape)}."

@@ -64,6 +64,8 @@ SHOWN_THETA_D = tuple(np.deg2rad([0.0, 40.0, 70.0]))
 DPI = 150
 #: Mean radiance of a measured sphere in its picture, before gamma.
 EXPOSURE = 0.28
+#: Lobes with a sphere each in `demo_figure`; others share one.
+SHOWN_LOBES = 3
 STRIP_THETA_D = float(np.deg2rad(40.0))
 STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
 CAPTION = (
@@ -255,7 +257,7 @@ def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
     for (name, colour), value, curve in zip(channels, plane.values, plane.curves, strict=True):
         axes.plot(plane.curve_at, curve, color=colour, label=f"{name}, fitted", zorder=3)
         axes.plot(plane.theta_h[::3], value[::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2)
-    axes.plot([], [], "s", ms=size, mfc="white", mec=GREY, mew=0.8, label="measured")
+    axes.plot([], "s", ms=size, mfc="white", mec=GREY, mew=0.8, label="measured")
 
 
 def _draw_lobes(axes: Any, plane: _Plane, channel: int) -> None:
@@ -333,7 +335,7 @@ def _parameter_axis(axes: Any, symbol: str, values: Array) -> None:
 
 
 def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
-    """Materials at a glance: spheres measured, fitted and by lobe (as in Fig. 7), and one slice of each.
+    """Materials at a glance: spheres measured, fitted and by lobe, as in Fig. 7, and one slice of each.
 
     Parameters
     ----------
@@ -343,20 +345,21 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
         Width of a sphere.
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
-    widths = [1.32, *[1.0] * (2 + n_lobes), 0.4, 2.2]
+    lobes = [f"lobe {k}" for k in range(min(n_lobes, SHOWN_LOBES))] + ["others"] * (n_lobes > SHOWN_LOBES)
+    widths = [1.32, *[1.0] * (2 + len(lobes)), 0.4, 2.2]
     width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.0
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
         margins = {"left": 0.012, "right": 0.988, "top": 1.0 - 0.3 / height, "bottom": 0.7 / height}
-        grid = figure.add_gridspec(
-            len(fits), len(widths), width_ratios=widths, wspace=0.04, hspace=0.07, **margins
-        )
+        margins |= {"wspace": 0.04, "hspace": 0.07}
+        grid = figure.add_gridspec(len(fits), len(widths), width_ratios=widths, **margins)
         for row, fit in enumerate(fits):
             _label(figure.add_subplot(grid[row, 0]), fit)
-            _draw_spheres([figure.add_subplot(grid[row, 1 + i]) for i in range(2 + n_lobes)], fit, n_pixels)
+            _draw_spheres(
+                [figure.add_subplot(grid[row, 1 + i]) for i in range(2 + len(lobes))], fit, n_pixels
+            )
             _draw_strip(figure.add_subplot(grid[row, -1]), fit, last=row == len(fits) - 1)
-        headers = ["measured", "fitted", *(f"lobe {k}" for k in range(n_lobes)), "", STRIP_TITLE]
-        for i, header in enumerate(headers, start=1):
+        for i, header in enumerate(["measured", "fitted", *lobes, "", STRIP_TITLE], start=1):
             box = grid[0, i].get_position(figure)
             figure.text((box.x0 + box.x1) / 2, 1.0 - 0.22 / height, header, ha="center", fontsize=9)
         figure.text(0.012, 0.1 / height, CAPTION, fontsize=7.5, linespacing=1.4)
@@ -368,7 +371,8 @@ def _label(axes: Any, fit: Fit) -> None:
     axes.axis("off")
     axes.text(0.0, 0.6, fit.model.name, weight="bold", fontsize=8.5)
     error, *floors = (100 * x for x in (errors.rel_rms, errors.bivariate_floor, errors.monotone_floor))
-    text = f"error {error:.2f} %\nfloors {floors[0]:.2f}, {floors[1]:.2f} %"
+    lobes = f"{fit.model.n_lobes} lobe{'s' * (fit.model.n_lobes > 1)}"
+    text = f"{lobes}, error {error:.2f} %\nfloors {floors[0]:.2f}, {floors[1]:.2f} %"
     axes.text(0.0, 0.5, text, fontsize=7.5, va="top", linespacing=1.4)
 
 
@@ -379,7 +383,9 @@ def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
     brightest = measured.max(-1)
     exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
-    for axes, radiance in zip(row, [measured, np.sum(lobes, axis=0), *lobes], strict=False):
+    others = [np.sum(lobes[SHOWN_LOBES:], axis=0)] if len(lobes) > SHOWN_LOBES else []
+    shown = lobes[:SHOWN_LOBES] + others
+    for axes, radiance in zip(row, [measured, np.sum(lobes, axis=0), *shown], strict=False):
         axes.imshow(sphere.picture(radiance, exposure), interpolation="antialiased")
 
 

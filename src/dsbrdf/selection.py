@@ -92,7 +92,7 @@ def select_lobes(
     ----------
     profiles : sequence of SliceProfile
     criterion : {"williams", "bic", "held-out"}, optional
-        With fewer than six slices, "williams" gives way to "bic".
+        With fewer than six slices that hold light, "williams" gives way to "bic".
     max_lobes : int, optional
     alpha : float, optional
         Level of Williams' test.
@@ -115,7 +115,7 @@ def select_lobes(
     _, theta_h, moments = stack_profiles(profiles)
     log_cos = 0.5 * np.log1p(-np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53))
     fits = _core.grow(moments, log_cos, max_lobes)
-    if criterion == "williams" and len(profiles) < MIN_BLOCKS:
+    if criterion == "williams" and (moments[..., 2].sum((1, 2)) > 0.0).sum() < MIN_BLOCKS:
         criterion = "bic"
     if criterion == "williams":
         return _by_williams([divergence(profiles, *fit) for fit in fits], moments, alpha)

@@ -68,7 +68,9 @@ class SliceProfile:
 
 def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """`x / y`, NaN where y is zero."""
-    ratio: NDArray[np.float64] = np.divide(x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0)
+    ratio: NDArray[np.float64] = np.divide(
+        x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0
+    )
     return ratio
 
 

@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 Alternative = Literal["greater", "less"]
 
 _REACH = 8.0  # standard deviations beyond which a normal tail is left out: 6e-16
+_RATIO = 1000.0  # largest ratio of replicates, which sets the number of nodes
 _TILT = 300.0  # largest exponent of the factor between walks of one recursion
 _GAUSS, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(16)
 
@@ -94,13 +95,13 @@ def critical_value(
         Degrees of freedom of the variance estimate; infinite for a known variance.
     alpha : float in (0, 0.5)
     replicates : (k,) or scalar array_like > 0, optional
-        Replicates of the doses, the lowest first; only ratios matter. Equal by default.
+        Replicates of the doses, the lowest first; only ratios matter, up to 1000. Equal by default.
     control : float > 0, optional
         Replicates of the control; by default those of dose `k`.
 
     Examples
     --------
-    >>> round(critical_value(6, 42, 0.01), 2)
+    >>> round(critical_value(6, 40, 0.01), 2)
     2.5
     """
     if k != int(k) or k < 1:
@@ -110,8 +111,13 @@ def critical_value(
     if not 0.0 < alpha < 0.5:
         raise ValueError(f"'alpha' must lie in (0, 0.5), got {alpha:g}.")
     rows = _replicates(1.0 if replicates is None else replicates, int(k))
-    base = rows[-1] if control is None else _check.finite(control, "control", low=0.0, open_low=True)
-    return _critical_value(tuple((rows / rows[-1]).tolist()), float(base / rows[-1]), float(df), float(alpha))
+    base = float(rows[-1] if control is None else _check.finite(control, "control", low=0.0, open_low=True))
+    least, most = min(base, *rows), max(base, *rows)
+    if most > _RATIO * least:
+        raise ValueError(
+            f"'replicates' and 'control' must lie within a factor of {_RATIO:g}, got {least:g} to {most:g}."
+        )
+    return _critical_value(tuple((rows / rows[-1]).tolist()), base / float(rows[-1]), float(df), float(alpha))
 
 
 def williams_test(
@@ -264,7 +270,8 @@ def _upper_tail(t: float, replicates: tuple[float, ...], control: float, df: flo
     half = 0.5 * df
     low, high = math.sqrt(gammaincinv(half, 1e-16) / half), math.sqrt(gammainccinv(half, 1e-16) / half)
     scale = min(0.5 / math.sqrt(df), 0.5 / t)
-    v, dv = _panels(low**0.25, max(min(high, _REACH / t), low * 1.001) ** 0.25, 0.25 * scale)
+    top = max(min(high, _REACH / t), low * 1.001) ** 0.25
+    v, dv = _panels(low**0.25, top, 0.25 * scale / min(1.0, top**3))
     log_density = (
         math.log(8.0) + half * math.log(half) - gammaln(half) + (4.0 * df - 1.0) * np.log(v) - half * v**8
     )

@@ -91,3 +91,39 @@ fn e_step(slice: &Slice, lobes: &[Lobe], value: &mut [f64], total: &mut [f64]) -
     let misfit = |i: usize| (slice.w_a[i] * (total[i] - slice.mean[i])).powi(2);
     slice.bivariate_floor() + (0..slice.len).map(misfit).sum::<f64>()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slice::{Loss, tests::Samples};
+
+    #[test]
+    fn starts_from_halved_parameters() {
+        let slice = Samples::new(40, 11).slice(Loss::L2);
+        let lobes = halved_start(&slice, 3);
+        let peak = slice.mean.iter().fold(0.0_f64, |x, &y| x.max(y));
+        assert!((lobes[0].kappa - peak.ln_1p()).abs() < 1e-15);
+        for pair in lobes.windows(2) {
+            assert_eq!((pair[1].kappa, pair[1].gamma), (0.5 * pair[0].kappa, 0.5 * pair[0].gamma));
+        }
+    }
+
+    #[test]
+    fn logs_the_sum_of_squares_of_each_round() {
+        let slice = Samples::new(40, 11).slice(Loss::L2);
+        let squares = |lobes: &[Lobe]| {
+            let misfit = |i: usize| {
+                let sum: f64 = lobes.iter().map(|lobe| lobe.value(slice.ln_cos[i])).sum();
+                (slice.w_a[i] * (sum - slice.mean[i])).powi(2)
+            };
+            (0..slice.len).map(misfit).sum::<f64>() + slice.bivariate_floor()
+        };
+        let whole = expectation_maximisation(&slice, halved_start(&slice, 2), 5, -1.0);
+        assert!(whole.history.len() == 6 && !whole.converged);
+        for rounds in 0..6 {
+            let fit = expectation_maximisation(&slice, halved_start(&slice, 2), rounds, -1.0);
+            assert!((squares(&fit.lobes) / whole.history[rounds] - 1.0).abs() < 1e-12);
+        }
+        assert!(whole.history[5] < whole.history[0]);
+    }
+}

@@ -173,3 +173,69 @@ pub fn first_not_unit(directions: &[f64], tolerance: f64) -> Option<usize> {
     };
     directions.par_chunks_exact(3).with_min_len(CHUNK).position_first(off)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: f64 = 0.02;
+    /// (theta_d, channel, lobe) = (2, 1, 2).
+    const KAPPA: [f64; 4] = [1.5, 0.2, 0.7, 0.4];
+    const GAMMA: [f64; 4] = [30.0, 0.5, 12.0, 2.0];
+    const BETA: [f64; 4] = [0.4, -0.3, 0.1, 0.6];
+    const THETA_D: [f64; 2] = [0.3, 0.9];
+
+    fn evaluate(wi: [f64; 3], wo: [f64; 3]) -> f64 {
+        let model = Model {
+            theta_d: &THETA_D,
+            n_channels: 1,
+            n_lobes: 2,
+            kappa: &KAPPA,
+            gamma: &GAMMA,
+            beta: &BETA,
+            azimuthal_width: WIDTH,
+        };
+        let mut value = [f64::NAN];
+        model.eval(&wi, &wo, &mut value);
+        value[0]
+    }
+
+    /// Directions with these angles, half vector in the x-z plane.
+    fn directions(h: f64, d: f64, phi: f64) -> ([f64; 3], [f64; 3]) {
+        let (x, y) = (d.sin() * phi.cos(), d.sin() * phi.sin());
+        let half = [h.sin() * d.cos(), 0.0, h.cos() * d.cos()];
+        let across = [h.cos() * x, y, -h.sin() * x];
+        let add = |sign: f64| [0, 1, 2].map(|axis: usize| half[axis] + sign * across[axis]);
+        (add(1.0), add(-1.0))
+    }
+
+    fn formula(h: f64, d: f64, phi: f64) -> f64 {
+        let (p, q) = (h.sin() * d.sin(), WIDTH * h.cos() * d.cos());
+        let azimuth = p / p.hypot(q) * (2.0 * phi).cos();
+        let slice = |s: usize| -> f64 {
+            let lobe = |k: usize| (KAPPA[k] * h.cos().powf(GAMMA[k])).exp_m1() * (1.0 + BETA[k] * azimuth);
+            lobe(2 * s) + lobe(2 * s + 1)
+        };
+        let weight = ((d - THETA_D[0]) / (THETA_D[1] - THETA_D[0])).clamp(0.0, 1.0);
+        (1.0 - weight) * slice(0) + weight * slice(1)
+    }
+
+    #[test]
+    fn equals_the_formula_and_is_reciprocal() {
+        for i in 0..400 {
+            let unit = |k: u32| (f64::from(i * k + 7) * 0.618_033_988_749_894_9).fract();
+            let (h, d, phi) = (0.01 + 0.7 * unit(1), 0.01 + 0.7 * unit(3), 6.2 * unit(5));
+            let (wi, wo) = directions(h, d, phi);
+            let value = evaluate(wi, wo);
+            assert!((value / formula(h, d, phi) - 1.0).abs() < 1e-12, "{h} {d} {phi}");
+            assert_eq!(value.to_bits(), evaluate(wo, wi).to_bits());
+        }
+    }
+
+    #[test]
+    fn black_below_the_horizon() {
+        let (wi, wo) = directions(1.0, 0.8, 0.0);
+        assert!(wi[2] < 0.0 && wo[2] > 0.0);
+        assert_eq!((evaluate(wi, wo), evaluate(wo, wi)), (0.0, 0.0));
+    }
+}

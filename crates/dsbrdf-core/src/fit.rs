@@ -255,3 +255,39 @@ pub fn slices(moments: &[f64], ln_cos: &[f64], factor: &[f64], shape: [usize; 3]
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slice::tests::Samples;
+
+    const PLAN: Plan = Plan { n_lobes: 2, method: Method::Joint, azimuthal: true, follow: true };
+
+    /// Three slices of two channels; the second slice of the second channel is empty.
+    fn example() -> Vec<Slice> {
+        let empty = Slice::new(&[], &[], &[], Loss::L2);
+        let full = |n_h| Samples::new(n_h, 11).slice(Loss::L2);
+        vec![full(40), full(30), full(25), empty, full(20), full(35)]
+    }
+
+    #[test]
+    fn never_above_the_em_nor_the_plain_fit() {
+        let slices = example();
+        let fit = |plan: Plan| fit(&slices, &slices, 2, plan);
+        let em = fit(Plan { method: Method::Em, azimuthal: false, ..PLAN });
+        let plain = fit(Plan { azimuthal: false, ..PLAN });
+        for ((em, plain), best) in em.iter().zip(&plain).zip(fit(PLAN)) {
+            assert!(plain.objective <= em.objective * (1.0 + 1e-12));
+            assert!(best.objective <= plain.objective * (1.0 + 1e-3));
+            assert_eq!(plain.em_history, em.em_history);
+        }
+    }
+
+    #[test]
+    fn an_empty_slice_says_so() {
+        let fits = fit(&example(), &example(), 2, PLAN);
+        let empty: Vec<bool> = fits.iter().map(|fit| fit.status == Status::NoData).collect();
+        assert_eq!(empty, [false, false, false, true, false, false]);
+        assert!(fits.iter().all(|fit| fit.lobes.len() == 2 && fit.objective.is_finite()));
+    }
+}

@@ -238,3 +238,83 @@ fn normal_equations(jacobian: &[f64], residual: &[f64], hessian: &mut [f64], gra
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slice::tests::Samples;
+
+    /// Central differences to fourth order of the residual rows.
+    fn difference(problem: &mut Mixture, x: &[f64], i: usize) -> Vec<f64> {
+        let step = 1e-3;
+        let mut rows = |shift: f64| {
+            let mut x = x.to_vec();
+            x[i] += shift * step;
+            problem.cost(&x);
+            problem.residual.clone()
+        };
+        let (far, near) = ([rows(-2.0), rows(2.0)], [rows(-1.0), rows(1.0)]);
+        (0..far[0].len())
+            .map(|r| (8.0 * (near[1][r] - near[0][r]) - (far[1][r] - far[0][r])) / (12.0 * step))
+            .collect()
+    }
+
+    #[test]
+    fn jacobian_equals_differences() {
+        let samples = Samples::new(13, 11);
+        for loss in [Loss::L2, Loss::Log { offset: 1e-3 }] {
+            let slice = samples.slice(loss);
+            for (azimuthal, x) in
+                [(false, vec![0.3, 2.5, -1.2, -0.5]), (true, vec![0.3, 2.5, 0.7, -1.2, -0.5, -0.4])]
+            {
+                let mut problem = Mixture::new(&slice, 2, azimuthal);
+                let p = x.len();
+                let columns: Vec<Vec<f64>> = (0..p).map(|i| difference(&mut problem, &x, i)).collect();
+                let cost = problem.cost(&x);
+                let residual = problem.residual.clone();
+                assert!((2.0 * cost / dot(&residual, &residual) - 1.0).abs() < 1e-14);
+
+                let (mut hessian, mut gradient) = (vec![0.0; p * p], vec![0.0; p]);
+                problem.linearise(&mut hessian, &mut gradient);
+                let size = |x: &[f64]| dot(x, x).sqrt();
+                for i in 0..p {
+                    let got = &problem.jacobian[i * residual.len()..(i + 1) * residual.len()];
+                    let off: Vec<f64> = got.iter().zip(&columns[i]).map(|(x, y)| x - y).collect();
+                    assert!(size(&off) < 1e-9 * size(got), "{loss:?} {azimuthal} {i}: {:e}", size(&off));
+                    let scale = size(&columns[i]) * size(&residual);
+                    assert!((gradient[i] - dot(&columns[i], &residual)).abs() < 1e-9 * scale);
+                    for j in 0..p {
+                        let scale = size(&columns[i]) * size(&columns[j]);
+                        assert!((hessian[i * p + j] - dot(&columns[i], &columns[j])).abs() < 1e-9 * scale);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cost_is_half_the_squares_over_phi() {
+        let samples = Samples::new(13, 11);
+        let slice = samples.slice(Loss::L2);
+        let lobes = [Lobe { kappa: 1.2, gamma: 9.0, beta: 0.5 }, Lobe { kappa: 0.2, gamma: 0.4, beta: -0.3 }];
+        let brute = |azimuthal: bool| -> f64 {
+            let part = |i: usize, c: f64| -> f64 {
+                let beta = |lobe: &Lobe| if azimuthal { lobe.beta } else { 0.0 };
+                let value = |l: &Lobe| l.value(samples.ln_cos[i]) * (1.0 + beta(l) * samples.factor[i] * c);
+                lobes.iter().map(value).sum()
+            };
+            let row = |i: usize| -> f64 {
+                let pairs = samples.values[i].iter().zip(&samples.cos_2phi);
+                pairs.filter_map(|(f, &c)| f.map(|f| (f - part(i, c)).powi(2))).sum()
+            };
+            (0..13).map(row).sum()
+        };
+        let nothing = Stop { max_iterations: 0, cost: 0.0, floor: 0.0, zero: 0.0 };
+        for (azimuthal, floor) in [(false, slice.bivariate_floor()), (true, slice.floor)] {
+            let (kept, minimum) = Mixture::new(&slice, 2, azimuthal).fit(&lobes, nothing);
+            let squares = brute(azimuthal);
+            assert!(((2.0 * minimum.cost + floor) / squares - 1.0).abs() < 1e-12);
+            assert!((kept[0].kappa / 1.2 - 1.0).abs() < 1e-14);
+        }
+    }
+}

@@ -101,3 +101,84 @@ impl Slice {
         self.floor + self.y_b.iter().map(|y| y * y).sum::<f64>()
     }
 }
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// Samples (theta_h, phi_d) of two azimuthal lobes with a ripple that no lobe can follow, some of them invalid.
+    pub struct Samples {
+        pub ln_cos: Vec<f64>,
+        pub factor: Vec<f64>,
+        pub cos_2phi: Vec<f64>,
+        pub values: Vec<Vec<Option<f64>>>,
+    }
+
+    impl Samples {
+        pub fn new(n_h: usize, n_phi: usize) -> Self {
+            let theta = |i: usize| 1.5 * (i as f64 + 0.5) / n_h as f64;
+            let cos_2phi: Vec<f64> =
+                (0..n_phi).map(|j| (2.0 * (j as f64 + 0.3) / n_phi as f64 * 2.9).cos()).collect();
+            let factor: Vec<f64> = (0..n_h).map(|i| (3.0 * theta(i)).min(1.0)).collect();
+            let ln_cos: Vec<f64> = (0..n_h).map(|i| theta(i).cos().ln()).collect();
+            let value = |i: usize, j: usize| {
+                let c = factor[i] * cos_2phi[j];
+                let narrow = (1.4 * (20.0 * ln_cos[i]).exp()).exp_m1() * (1.0 + 0.4 * c);
+                let broad = (0.3 * ln_cos[i].exp()).exp_m1() * (1.0 - 0.2 * c);
+                let ripple = 0.02 * (1.0 + (7 * i + 3 * j) as f64).sin();
+                ((5 * i + j) % 7 > 1).then_some((narrow + broad + ripple).max(0.0))
+            };
+            let values = (0..n_h).map(|i| (0..n_phi).map(|j| value(i, j)).collect()).collect();
+            Self { ln_cos, factor, cos_2phi, values }
+        }
+
+        /// Their moments (theta_h, moment).
+        pub fn moments(&self) -> Vec<f64> {
+            let row = |values: &Vec<Option<f64>>| {
+                let mut sums = [0.0; MOMENTS];
+                for (f, c) in values.iter().zip(&self.cos_2phi).filter_map(|(f, &c)| f.map(|f| (f, c))) {
+                    for (sum, term) in sums.iter_mut().zip([1.0, f, f * f, c, c * c, f * c]) {
+                        *sum += term;
+                    }
+                }
+                sums
+            };
+            self.values.iter().flat_map(row).collect()
+        }
+
+        pub fn slice(&self, loss: Loss) -> Slice {
+            Slice::new(&self.moments(), &self.ln_cos, &self.factor, loss)
+        }
+    }
+
+    #[test]
+    fn rows_hold_the_sum_of_squares_over_phi() {
+        let samples = Samples::new(13, 11);
+        let slice = samples.slice(Loss::L2);
+        let a: Vec<f64> = (0..13).map(|i| 0.3 + (1.7 * i as f64).sin()).collect();
+        let b: Vec<f64> = (0..13).map(|i| (2.3 * i as f64).cos()).collect();
+        let (mut brute, mut energy, mut rows) = (0.0, 0.0, slice.floor);
+        for i in 0..13 {
+            for (f, c) in samples.values[i].iter().zip(&samples.cos_2phi) {
+                let Some(f) = f else { continue };
+                brute += (f - a[i] - b[i] * samples.factor[i] * c).powi(2);
+                energy += f * f;
+            }
+            rows += (slice.w_a[i] * (a[i] + slice.skew[i] * b[i] - slice.mean[i])).powi(2);
+            rows += (slice.w_b[i] * b[i] - slice.y_b[i]).powi(2);
+        }
+        assert!((rows / brute - 1.0).abs() < 1e-13, "{rows} {brute}");
+        assert!((slice.energy / energy - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn rows_without_samples_are_left_out() {
+        let mut samples = Samples::new(13, 11);
+        let whole = samples.slice(Loss::L2);
+        samples.values[4] = vec![None; 11];
+        let slice = samples.slice(Loss::L2);
+        assert_eq!((whole.len, slice.len), (13, 12));
+        assert_eq!(slice.mean[4], whole.mean[5]);
+        assert!(slice.ln_cos.len() % LANES == 0 && slice.w_a[slice.len..].iter().all(|&w| w == 0.0));
+    }
+}

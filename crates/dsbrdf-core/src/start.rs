@@ -47,3 +47,31 @@ fn lobe_at_remainder(slice: &Slice, lobes: &[Lobe], beta: f64) -> Lobe {
     }
     Lobe { beta, ..estimate_lobe(slice, &remainder) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slice::{Loss, tests::Samples};
+
+    #[test]
+    fn more_lobes_fit_no_worse() {
+        let samples = Samples::new(40, 11);
+        let stop = Stop { max_iterations: 100, cost: 1e-4, floor: 0.0, zero: 0.0 };
+        let nothing = Stop { max_iterations: 0, ..stop };
+        for loss in [Loss::L2, Loss::Log { offset: 1e-3 }] {
+            let slice = samples.slice(loss);
+            for azimuthal in [false, true] {
+                let fits = grow(&slice, 5, azimuthal, stop);
+                let cost = |lobes: &Vec<Lobe>| {
+                    Mixture::new(&slice, lobes.len(), azimuthal).fit(lobes, nothing).1.cost
+                };
+                let costs: Vec<f64> = fits.iter().map(cost).collect();
+                assert_eq!(fits.iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
+                // But for the tolerance of `stop`: a lobe that finds nothing to do starts a little above
+                let worse = |pair: &[f64]| pair[1] > pair[0] * (1.0 + stop.cost);
+                assert!(!costs.windows(2).any(worse), "{costs:?}");
+                assert!(costs[1] < 0.5 * costs[0], "two lobes made the samples: {costs:?}");
+            }
+        }
+    }
+}
