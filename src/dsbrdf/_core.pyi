@@ -48,6 +48,8 @@ def eval(
     kappa: _Floats,
     gamma: _Floats,
     beta: _Floats,
+    spike: _Floats,
     azimuthal_width: float,
+    spike_sin2: float,
 ) -> _Floats: ...
 def first_not_unit(directions: _Floats, tolerance: float) -> int | None: ...

@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 from dsbrdf import _check, _core
 from dsbrdf.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.spike import SIN2_WIDTH
 
 __all__ = ["evaluate", "evaluate_any", "evaluate_numpy"]
 
 
-def evaluate(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any) -> Any:
+def evaluate(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any) -> Any:
     """Values (..., channel) at pairs of directions, by the kernel where all arrays are NumPy's."""
-    arrays = (wi, wo, kappa, gamma, beta)
+    arrays = (wi, wo, kappa, gamma, beta, spike)
     if all(isinstance(array, np.ndarray | list | tuple) for array in arrays):
-        return evaluate_numpy(wi, wo, theta_d, kappa, gamma, beta)
-    return evaluate_any(wi, wo, theta_d, kappa, gamma, beta)
+        return evaluate_numpy(wi, wo, theta_d, kappa, gamma, beta, spike)
+    return evaluate_any(wi, wo, theta_d, kappa, gamma, beta, spike)
 
 
 def evaluate_numpy(
@@ -33,29 +34,32 @@ def evaluate_numpy(
     kappa: NDArray[np.float64],
     gamma: NDArray[np.float64],
     beta: NDArray[np.float64],
+    spike: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Values (..., channel) at pairs of directions (..., 3), by the compiled kernel."""
     wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
     flat = [np.ascontiguousarray(w.reshape(-1, 3)) for w in (wi, wo)]
-    values = _core.eval(flat[0], flat[1], theta_d, kappa, gamma, beta, AZIMUTHAL_WIDTH)
+    values = _core.eval(flat[0], flat[1], theta_d, kappa, gamma, beta, spike, AZIMUTHAL_WIDTH, SIN2_WIDTH)
     return values.reshape(*wi.shape[:-1], kappa.shape[1])
 
 
-def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any) -> Any:
+def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any) -> Any:
     """Values (..., channel) at pairs of directions (..., 3), in the library and precision of the arrays."""
     import array_api_compat
 
-    arrays = [a for a in (wi, wo, kappa, gamma, beta) if array_api_compat.is_array_api_obj(a)]
+    arrays = [a for a in (wi, wo, kappa, gamma, beta, spike) if array_api_compat.is_array_api_obj(a)]
     foreign = [a for a in arrays if not isinstance(a, np.ndarray)] or arrays
     xp = array_api_compat.array_namespace(*foreign)
     dtype = xp.result_type(*foreign)
     device = array_api_compat.device(foreign[0])
-    wi, wo, theta_d, kappa, gamma, beta = (
+    wi, wo, theta_d, kappa, gamma, beta, spike = (
         a if array_api_compat.is_array_api_obj(a) and not isinstance(a, np.ndarray)
         else xp.asarray(a, dtype=dtype, device=device)
-        for a in (wi, wo, theta_d, kappa, gamma, beta)
+        for a in (wi, wo, theta_d, kappa, gamma, beta, spike)
     )  # fmt: skip
-    log_cos, angle, azimuth = _coordinates(xp, wi, wo)
+    sin2, angle, azimuth = _coordinates(xp, wi, wo)
+    log_cos = 0.5 * xp.log1p(-xp.clip(sin2, 0.0, 1.0 - 0.5 * float(xp.finfo(wi.dtype).eps)))
+    cap = xp.reshape(xp.clip(1.0 - sin2 / SIN2_WIDTH, 0.0, 1.0), (-1,))[:, None]
 
     # Slice at or below theta_d, and the weight of the next
     n = theta_d.shape[0]
@@ -73,7 +77,8 @@ def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: A
 
     def slice_value(at: Any) -> Any:
         k, g, b = (xp.take(values, at, axis=0) for values in (kappa, gamma, beta))
-        return xp.sum(xp.expm1(k * xp.exp(g * log_cos)) * (1.0 + b * azimuth), axis=-1)
+        lobes = xp.sum(xp.expm1(k * xp.exp(g * log_cos)) * (1.0 + b * azimuth), axis=-1)
+        return lobes + xp.take(spike, at, axis=0) * cap
 
     total = (1.0 - weight[:, None]) * slice_value(index) + weight[:, None] * slice_value(upper)
     above = xp.reshape((wi[..., 2] >= 0.0) & (wo[..., 2] >= 0.0), (-1,))
@@ -82,14 +87,13 @@ def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: A
 
 
 def _coordinates(xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
-    """`ln cos(theta_h)`, `theta_d`, and the azimuthal factor times `cos(2 phi_d)`; finite gradients throughout."""
+    """`sin(theta_h)^2`, `theta_d`, and the azimuthal factor times `cos(2 phi_d)`; finite gradients throughout."""
     tiny = float(xp.finfo(wi.dtype).tiny) ** 0.5
     s, d = wi + wo, wi - wo
     rho2 = s[..., 0] ** 2 + s[..., 1] ** 2
     s2 = rho2 + s[..., 2] ** 2
     d2 = xp.sum(d * d, axis=-1)
     sin2 = xp.where(s2 > 0.0, rho2 / xp.where(s2 > 0.0, s2, xp.ones_like(s2)), xp.ones_like(s2))
-    log_cos = 0.5 * xp.log1p(-xp.clip(sin2, 0.0, 1.0 - 0.5 * float(xp.finfo(wi.dtype).eps)))
     # A root has no gradient at zero: keep a little away from it
     angle = xp.atan2(xp.sqrt(d2 + tiny), xp.sqrt(s2 + tiny))
 
@@ -100,4 +104,4 @@ def _coordinates(xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
     some = product > tiny * tiny
     root = xp.sqrt(xp.where(some, product, xp.ones_like(product)))
     azimuth = xp.where(some, (along2 - across2) / root, xp.zeros_like(product))
-    return log_cos, angle, azimuth
+    return sin2, angle, azimuth

@@ -25,6 +25,7 @@ from dsbrdf.slices import (
     slice_rows,
     stack_profiles,
 )
+from dsbrdf.spike import spike_heights
 
 __all__ = ["ConvergenceWarning", "Fit", "FitStatus", "SliceReport", "fit"]
 
@@ -146,6 +147,7 @@ def fit(
     min_theta_h: float = MIN_THETA_H,
     perimeter_mask: bool = True,
     theta_h_step: int = 1,
+    spike: bool = True,
     strict: bool = False,
 ) -> Fit:
     """Fit a sum of hemi-EPD lobes to every slice and channel of a measured BRDF.
@@ -169,6 +171,8 @@ def fit(
         Lobes of neighbouring slices correspond by likeness, or by the rank of their kappa (the paper).
     n_slices, min_theta_h, perimeter_mask, theta_h_step
         Which samples are fitted; see `dsbrdf.slices.slice_profiles`.
+    spike : bool, optional
+        Add the delta term where the data call for it (Section 6, `dsbrdf.spike`).
     strict : bool, optional
         Raise instead of warning when a slice did not converge.
 
@@ -201,11 +205,14 @@ def fit(
         "azimuthal": azimuthal,
         "order": order,
         "n_slices": n_slices,
+        "spike": spike,
         **masks,
         "convention": measured.convention,
     }
     start = time.perf_counter()
-    profiles = slice_profiles(measured, n_slices=n_slices, **masks)
+    # Samples near the pole are for the spike alone
+    near_pole = slice_profiles(measured, n_slices=n_slices, **{**masks, "min_theta_h": 0.0})
+    profiles = [profile.cut(min_theta_h) for profile in near_pole]
     chosen = None
     if isinstance(n_lobes, str):
         chosen = select_lobes(profiles)
@@ -213,6 +220,7 @@ def fit(
     parameters, reports = fit_profiles(
         profiles, n_lobes, method=method, loss=loss, azimuthal=azimuthal, order=order
     )
+    heights = spike_heights(near_pole, *parameters[:2]) if spike else None
     seconds = time.perf_counter() - start
     _report_trouble(reports, strict)
 
@@ -222,6 +230,7 @@ def fit(
         kappa=parameters[0],
         gamma=parameters[1],
         beta=parameters[2],
+        spike=heights,
         name=measured.name,
         source=measured.source,
         fit_options=options,

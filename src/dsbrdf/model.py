@@ -22,7 +22,7 @@ class DSBRDF:
     """A reflectance as lobes whose parameters are given at some theta_d.
 
     The value is the sum over lobes of `expm1(kappa cos(theta_h)^gamma) (1 + beta g cos(2 phi_d))`, with g of
-    `dsbrdf.half_diff.azimuthal_factor`, in 1/sr and without the cosine. Between slices the values of the two
+    `dsbrdf.half_diff.azimuthal_factor`, and the spike, in 1/sr and without the cosine. Between slices the values of the two
     nearest are interpolated linearly in theta_d; beyond the first and the last slice that one's hold.
 
     Parameters
@@ -32,6 +32,9 @@ class DSBRDF:
     kappa, gamma, beta : (theta_d, channel, lobe) arrays
         `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1]; of NumPy, or of any library of the array API standard
         to keep gradients.
+    spike : (theta_d, channel) array, 1/sr, optional
+        Heights, at least 0, of the delta term: a cap of the half vector that ends at one degree (see
+        `dsbrdf.spike`); none by default.
     name : str, optional
     source : Source, optional
         The measurement that was fitted.
@@ -48,6 +51,7 @@ class DSBRDF:
     kappa: Any
     gamma: Any
     beta: Any
+    spike: Any = None
     name: str = ""
     source: Source = Source()
     fit_options: Mapping[str, Any] = field(default_factory=dict)
@@ -77,6 +81,16 @@ class DSBRDF:
                     f"'{name}' must have shape (theta_d, channel, lobe) like 'kappa' with {theta_d.size} theta_d, "
                     f"got {tuple(values.shape)}."
                 )
+
+        spike = np.zeros(self.kappa.shape[:2]) if self.spike is None else self.spike
+        if isinstance(spike, np.ndarray | list | tuple):
+            spike = np.ascontiguousarray(_check.finite(spike, "spike", low=0.0))
+        if tuple(spike.shape) != tuple(self.kappa.shape[:2]):
+            raise ValueError(
+                f"'spike' must have shape (theta_d, channel) {tuple(self.kappa.shape[:2])}, "
+                f"got {tuple(spike.shape)}."
+            )
+        object.__setattr__(self, "spike", spike)
 
     @property
     def n_channels(self) -> int:
@@ -111,7 +125,7 @@ class DSBRDF:
         ValueError
             If NumPy directions are not unit vectors.
         """
-        return evaluation.evaluate(wi, wo, self.theta_d, self.kappa, self.gamma, self.beta)
+        return evaluation.evaluate(wi, wo, self.theta_d, self.kappa, self.gamma, self.beta, self.spike)
 
     def eval_angles(self, theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) -> Any:
         """Values (..., channel) in 1/sr at half and difference angles in radians, which broadcast.
@@ -126,7 +140,7 @@ class DSBRDF:
         return self.eval(*half_diff.to_directions(theta_h, theta_d, phi_d))
 
     def lobe(self, k: int) -> DSBRDF:
-        """Lobe `k` alone, as a model; the values of all lobes add up to the model's (Section 6.B).
+        """Lobe `k` alone, as a model; all lobes and the spike add up to the model (Section 6.B).
 
         Raises
         ------
@@ -137,7 +151,7 @@ class DSBRDF:
             raise IndexError(f"lobe {k}: the model has {self.n_lobes} lobes, numbered from 0.")
         k %= self.n_lobes
         parts = {name: getattr(self, name)[..., k : k + 1] for name in ("kappa", "gamma", "beta")}
-        return self.replace(**parts, name=f"{self.name} lobe {k}", errors={})
+        return self.replace(**parts, spike=None, name=f"{self.name} lobe {k}", errors={})
 
     def albedo(self, theta_i: ArrayLike) -> NDArray[np.float64]:
         """Directional albedo: the share of light from `theta_i` that is reflected.

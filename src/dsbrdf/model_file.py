@@ -18,6 +18,8 @@ __all__ = ["SCHEMA", "ModelFormatError", "load", "save"]
 SCHEMA = 1
 FORMAT = "dsbrdf model"
 PARAMETERS = ("theta_d", "kappa", "gamma", "beta")
+#: May be missing: there was none in the first files of schema 1.
+SPIKE = "spike"
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
 
@@ -38,8 +40,8 @@ def save(model: DSBRDF, path: str | Path) -> None:
         "format": FORMAT,
         "schema": SCHEMA,
         "name": model.name,
-        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe)",
-        **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in PARAMETERS},
+        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), spike (theta_d, channel)",
+        **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
         "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
@@ -90,6 +92,7 @@ def load(path: str | Path) -> DSBRDF:
     try:
         return DSBRDF(
             **{key: np.array(content[key], dtype=np.float64) for key in PARAMETERS},
+            spike=np.array(content[SPIKE], dtype=np.float64) if SPIKE in content else None,
             name=str(content.get("name") or ""),
             source=Source(description=str(source.get("description", "")), recorded=source),
             fit_options=options,

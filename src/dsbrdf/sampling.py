@@ -2,7 +2,7 @@
 
 A renderer knows one direction only, so theta_d is not known before sampling: half vectors are drawn from the lobes
 of the slice nearest to the angle of that direction, channels averaged, and `pdf` describes just that sampler. The
-azimuthal term is left to the weight. A share of cosine-weighted directions covers what lobes leave out.
+azimuthal term is left to the weight. A spike is one more lobe. A share of cosine-weighted directions covers what lobes leave out.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _check, half_diff, hemi_epd
+from dsbrdf import _check, half_diff, hemi_epd, spike
 
 if TYPE_CHECKING:
     from dsbrdf.model import DSBRDF
@@ -21,17 +21,19 @@ __all__ = ["albedo", "pdf", "sample"]
 
 #: Share of samples that are cosine-weighted.
 COSINE_SHARE = 0.1
-#: Lobes dimmer than this would sample nothing.
+#: Lobes dimmer than this are sampled as if they were as bright.
 MIN_KAPPA = 1e-9
 
 
 def _slice_lobes(
     model: DSBRDF,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """kappa, gamma and probability (theta_d, lobe) of the lobes that are sampled."""
+    """kappa and gamma (theta_d, lobe) of the lobes that are sampled, and the probability of each and of the spike."""
     kappa = np.maximum(np.asarray(model.kappa).mean(1), MIN_KAPPA)
     gamma = np.asarray(model.gamma).mean(1)
-    weight = np.exp(-hemi_epd.log_normaliser(kappa, gamma))
+    of_lobes = np.exp(-hemi_epd.log_normaliser(kappa, gamma))
+    of_spike = np.asarray(model.spike).mean(1, keepdims=True) / spike.solid_angle_density(0.0)
+    weight = np.concatenate([of_lobes, of_spike], axis=1)
     return kappa, gamma, weight / weight.sum(1, keepdims=True)
 
 
@@ -48,10 +50,12 @@ def sample(model: DSBRDF, wo: ArrayLike, rng: np.random.Generator) -> NDArray[np
     kappa, gamma, weight = _slice_lobes(model)
     index = _nearest_slice(model, np.arccos(np.clip(flat[:, 2], -1.0, 1.0)))
     lobe = (rng.random(n)[:, None] > np.cumsum(weight, axis=1)[index]).sum(1)
+    of_spike = lobe >= model.n_lobes
     lobe = np.minimum(lobe, model.n_lobes - 1)
-    theta_h = hemi_epd.sample(kappa[index, lobe], gamma[index, lobe], rng)
+    sin_h = np.sin(hemi_epd.sample(kappa[index, lobe], gamma[index, lobe], rng))
+    sin_h = np.where(of_spike, np.sqrt(spike.sample_sin2(rng, n)), sin_h)
     phi = 2.0 * np.pi * rng.random(n)
-    half = _polar(np.sin(theta_h), np.cos(theta_h), phi)
+    half = _polar(sin_h, np.sqrt((1.0 - sin_h) * (1.0 + sin_h)), phi)
     mirrored = 2.0 * (half * flat).sum(1, keepdims=True) * half - flat
 
     radius2 = rng.random(n)
@@ -71,7 +75,8 @@ def pdf(model: DSBRDF, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
     # hemi_epd.pdf with the few normalisers there are
     log_c = hemi_epd.log_normaliser(kappa, gamma)[index]
     of_half = np.exp(log_c) * hemi_epd.lobe(safe_theta_h, kappa[index], gamma[index])
-    density = (weight[index] * of_half).sum(-1)
+    density = (weight[index][..., :-1] * of_half).sum(-1)
+    density += weight[index][..., -1] * spike.solid_angle_density(np.sin(safe_theta_h[..., 0]) ** 2)
     jacobian = 1.0 / (4.0 * np.maximum(np.cos(theta_d), 1e-12))
     total = COSINE_SHARE * np.maximum(wi[..., 2], 0.0) / np.pi + (1.0 - COSINE_SHARE) * density * jacobian
     return np.where(above, total, 0.0)

@@ -66,6 +66,12 @@ class SliceProfile:
         return np.where(spread > 1e-12 * n, amplitude, np.nan)
 
 
+    def cut(self, min_theta_h: float) -> SliceProfile:
+        """The slice without its samples of theta_h below `min_theta_h` (radians)."""
+        kept = self.theta_h >= min_theta_h
+        return SliceProfile(self.theta_d, self.theta_h, self.moments * kept[:, None])
+
+
 def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """`x / y`, NaN where y is zero."""
     ratio: NDArray[np.float64] = np.divide(

@@ -17,6 +17,10 @@ pub struct Model<'a> {
     pub kappa: &'a [f64],
     pub gamma: &'a [f64],
     pub beta: &'a [f64],
+    /// Heights (theta_d, channel) of the spikes.
+    pub spike: &'a [f64],
+    /// `sin(theta_h)^2` at which a spike ends.
+    pub spike_sin2: f64,
     /// The constant c of the azimuthal factor, see [`Block`].
     pub azimuthal_width: f64,
 }
@@ -48,6 +52,8 @@ impl Model<'_> {
 /// `p / sqrt(p^2 + (c q)^2)`. Each expression is symmetric in the two directions to the last bit.
 struct Block {
     ln_cos: [f64; BLOCK],
+    /// Shape of a spike at theta_h.
+    cap: [f64; BLOCK],
     /// Azimuthal factor times cos(2 phi_d).
     azimuth: [f64; BLOCK],
     /// Slice at or below theta_d.
@@ -58,7 +64,13 @@ struct Block {
 
 impl Default for Block {
     fn default() -> Self {
-        Self { ln_cos: [0.0; BLOCK], azimuth: [0.0; BLOCK], slice: [0; BLOCK], weight: [[0.0; BLOCK]; 2] }
+        Self {
+            ln_cos: [0.0; BLOCK],
+            cap: [0.0; BLOCK],
+            azimuth: [0.0; BLOCK],
+            slice: [0; BLOCK],
+            weight: [[0.0; BLOCK]; 2],
+        }
     }
 }
 
@@ -67,6 +79,7 @@ impl Block {
         let (sin2, tan_d) = self.vectors(model.azimuthal_width, wi, wo);
         for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
             self.ln_cos[j] = 0.5 * (-sin2[j]).ln_1p();
+            self.cap[j] = (1.0 - sin2[j] / model.spike_sin2).max(0.0);
             let above = if wi[2] >= 0.0 && wo[2] >= 0.0 { 1.0 } else { 0.0 };
             let (slice, next) = between(model.theta_d, tan_d[j].atan());
             self.slice[j] = slice;
@@ -90,6 +103,16 @@ impl Block {
         (sin2, tan_d)
     }
 
+    fn add_spike(&self, model: &Model, channel: usize, sum: &mut [f64; BLOCK]) {
+        let last = model.theta_d.len() - 1;
+        for j in (0..BLOCK).filter(|&j| self.cap[j] > 0.0) {
+            for step in 0..2 {
+                let at = (self.slice[j] + step).min(last) * model.n_channels + channel;
+                sum[j] += self.weight[step][j] * model.spike[at] * self.cap[j];
+            }
+        }
+    }
+
     fn sum_lobes(&self, model: &Model, values: &mut [f64]) {
         let mut sum = [0.0; BLOCK];
         let stride = model.n_channels * model.n_lobes;
@@ -98,6 +121,7 @@ impl Block {
             for k in 0..model.n_lobes {
                 add_lobe(self, model, channel * model.n_lobes + k, stride, &mut sum);
             }
+            self.add_spike(model, channel, &mut sum);
             for (values, sum) in values.chunks_exact_mut(model.n_channels).zip(&sum) {
                 values[channel] = *sum;
             }

@@ -18,7 +18,9 @@ pub fn eval<'py>(
     kappa: PyReadonlyArrayDyn<'py, f64>,
     gamma: PyReadonlyArrayDyn<'py, f64>,
     beta: PyReadonlyArrayDyn<'py, f64>,
+    spike: PyReadonlyArrayDyn<'py, f64>,
     azimuthal_width: f64,
+    spike_sin2: f64,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let &[n_d, n_channels, n_lobes] = kappa.shape() else {
         let got = kappa.shape();
@@ -38,6 +40,8 @@ pub fn eval<'py>(
         kappa: elements(&kappa, "kappa")?,
         gamma: shaped(&gamma, &shape, "gamma")?,
         beta: shaped(&beta, &shape, "beta")?,
+        spike: shaped(&spike, &shape[..2], "spike")?,
+        spike_sin2,
         azimuthal_width,
     };
     let wi = elements(&wi, "wi")?;
