@@ -20,6 +20,7 @@ def random_model(seed=1, n_slices=N_SLICES, n_channels=N_CHANNELS, n_lobes=N_LOB
         10.0 ** rng.uniform(-2.0, 0.8, shape),
         10.0 ** rng.uniform(-1.0, 3.0, shape),
         rng.uniform(-0.95, 0.95, shape),
+        rng.uniform(0.0, 50.0, shape[:2]),
     )
 
 
@@ -30,7 +31,8 @@ def upper(rng, *shape):
 
 
 def twin_eval(model, wi, wo):
-    return evaluate_any(wi, wo, model.theta_d, model.kappa, model.gamma, model.beta)
+    parameters = (model.kappa, model.gamma, model.beta, model.spike)
+    return evaluate_any(wi, wo, model.theta_d, *parameters)
 
 
 def by_angles(model, theta_h, theta_d, phi_d):
@@ -41,6 +43,8 @@ def by_angles(model, theta_h, theta_d, phi_d):
             for parameters in zip(model.kappa, model.gamma, model.beta, strict=True)
         ]
     )
+    cap = np.maximum(1.0 - (np.sin(theta_h) / np.sin(np.deg2rad(1.0))) ** 2, 0.0)
+    slices += model.spike[:, :, None] * cap
     result = np.empty((*theta_d.shape, model.n_channels))
     for at in np.ndindex(theta_d.shape):
         for channel in range(model.n_channels):
@@ -74,6 +78,8 @@ def awkward_pairs(rng):
 def test_kernel_and_twin_equal_the_formula(rng):
     model = random_model()
     wi, wo = upper(rng, 4000), upper(rng, 4000)
+    # A quarter of them within the spike
+    wo[:1000] = near(wi[:1000] * [-1.0, -1.0, 1.0], rng, 0.01)
     expected = by_angles(model, *half_diff.from_directions(wi, wo))
     np.testing.assert_allclose(model.eval(wi, wo), expected, rtol=1e-9)
     np.testing.assert_allclose(twin_eval(model, wi, wo), expected, rtol=1e-9)
@@ -115,7 +121,7 @@ def test_half_vector_on_the_horizon(gamma):
 
 def test_flat_lobe_is_lambert(rng):
     model = random_model(n_lobes=1)
-    model = model.replace(gamma=0.0 * model.gamma, beta=0.0 * model.beta)
+    model = model.replace(gamma=0.0 * model.gamma, beta=0.0 * model.beta, spike=None)
     theta_d = half_diff.from_directions(wi := upper(rng, 500), wo := upper(rng, 500))[1]
     height = [np.interp(theta_d, model.theta_d, np.expm1(model.kappa[:, c, 0])) for c in range(N_CHANNELS)]
     np.testing.assert_allclose(model.eval(wi, wo), np.transpose(height), rtol=1e-12)
@@ -154,11 +160,16 @@ def test_black_below_the_horizon(evaluate, rng):
     assert (values[above] > 0.0).all()
 
 
-def test_lobes_add_up(rng):
+def test_lobes_and_spike_add_up(rng):
     model = random_model()
-    wi, wo = upper(rng, 1000), upper(rng, 1000)
+    wi = upper(rng, 1000)
+    wo = near(wi * [-1.0, -1.0, 1.0], rng, 0.02)
     parts = [model.lobe(k) for k in range(N_LOBES)]
-    np.testing.assert_allclose(sum(part.eval(wi, wo) for part in parts), model.eval(wi, wo), rtol=1e-13)
+    spike = model.replace(kappa=np.full_like(model.kappa, 1e-300))
+    total = sum(part.eval(wi, wo) for part in [*parts, spike])
+    np.testing.assert_allclose(total, model.eval(wi, wo), rtol=1e-13)
+    assert (spike.eval(wi, wo) > 1.0).sum() > 100
+    assert not any(part.spike.any() for part in parts)
     np.testing.assert_array_equal(model.lobe(-1).kappa, model.kappa[..., -1:])
     assert parts[1].n_lobes == 1
     for k in (3, -4):
@@ -175,7 +186,8 @@ def test_exact_at_slices_and_linear_between():
     # Angles come back from directions with a rounding error
     nodes = model.eval_angles(theta_h, model.theta_d[:-1], phi_d)
     for i, values in enumerate(nodes):
-        single = DSBRDF(np.array([0.3]), *(p[i : i + 1] for p in (model.kappa, model.gamma, model.beta)))
+        parameters = (model.kappa, model.gamma, model.beta, model.spike)
+        single = DSBRDF(np.array([0.3]), *(values[i : i + 1] for values in parameters))
         np.testing.assert_allclose(values, single.eval_angles(theta_h, model.theta_d[i], phi_d), rtol=1e-12)
     # The azimuthal factor varies with theta_d on its own
     plain = model.replace(beta=0.0 * model.beta)
@@ -247,6 +259,8 @@ def test_says_what_is_wrong_with_a_direction(wi, text):
         ({"gamma": np.ones((7, 3, 2))}, r"'gamma' must have shape .* got \(7, 3, 2\)"),
         ({"beta": np.full((7, 3, 3), 1.5)}, r"'beta' must be >= -1 and <= 1 and finite, got 1\.5"),
         ({"beta": np.full((7, 3, 3), np.nan)}, r"'beta' must be .*finite, got nan"),
+        ({"spike": np.full((7, 3), -1.0)}, r"'spike' must be >= 0 and finite, got -1"),
+        ({"spike": np.ones((7, 2))}, r"'spike' must have shape \(theta_d, channel\) \(7, 3\), got \(7, 2\)"),
     ],
 )
 def test_says_what_is_wrong_with_a_parameter(change, text):
@@ -287,18 +301,19 @@ def jax64():
 
 @pytest.fixture(scope="module")
 def jax_gradients():
-    """Gradients of a weighted sum of values by `wi`, `wo`, kappa, gamma and beta, compiled for N_PAIRS."""
+    """Gradients of a weighted sum by `wi`, `wo`, kappa, gamma, beta and spike, compiled for N_PAIRS pairs."""
     jax = pytest.importorskip("jax")
     model = random_model()
 
-    def total(wi, wo, kappa, gamma, beta, weight):
-        return (model.replace(kappa=kappa, gamma=gamma, beta=beta).eval(wi, wo) * weight).sum()
+    def total(wi, wo, kappa, gamma, beta, spike, weight):
+        traced = model.replace(kappa=kappa, gamma=gamma, beta=beta, spike=spike)
+        return (traced.eval(wi, wo) * weight).sum()
 
-    compiled = jax.jit(jax.grad(total, argnums=range(5)))
+    compiled = jax.jit(jax.grad(total, argnums=range(6)))
 
     def gradients(model, wi, wo, weight):
         with jax.enable_x64(True):
-            arguments = (wi, wo, model.kappa, model.gamma, model.beta, weight)
+            arguments = (wi, wo, model.kappa, model.gamma, model.beta, model.spike, weight)
             return [np.asarray(g) for g in compiled(*map(jax.numpy.asarray, arguments))]
 
     return gradients
@@ -337,7 +352,8 @@ def test_jax_gradients_by_parameters(jax_gradients, rng):
     """Against complex steps through the formula, at the slices and at weights between them."""
     model = random_model()
     wi, wo, weight = upper(rng, N_PAIRS), upper(rng, N_PAIRS), rng.normal(size=(N_PAIRS, N_CHANNELS))
-    by_parameters = jax_gradients(model, wi, wo, weight)[2:]
+    wo[:20] = near(wi[:20] * [-1.0, -1.0, 1.0], rng, 0.01)
+    *by_parameters, by_spike = jax_gradients(model, wi, wo, weight)[2:]
     angles = half_diff.from_directions(wi, wo)
     share = np.stack([np.interp(angles[1], model.theta_d, row) for row in np.eye(N_SLICES)])
     names = ("kappa", "gamma", "beta")
@@ -348,6 +364,10 @@ def test_jax_gradients_by_parameters(jax_gradients, rng):
             slope = formula(*angles, *parameters.values()).imag / 1e-30
             terms = slope.T * weight * share[at[0], :, None]
             np.testing.assert_allclose(gradient[at], terms.sum(), rtol=1e-8, atol=1e-10 * np.abs(terms).sum())
+    # Linear in the spike
+    change = model.eval(wi, wo) - model.replace(spike=None).eval(wi, wo)
+    np.testing.assert_allclose((by_spike * model.spike).sum(), (change * weight).sum(), rtol=1e-8)
+    assert (change > 0.0).any(axis=-1).sum() > 5
 
 
 def test_jax_gradients_by_directions(jax_gradients, rng):

@@ -17,7 +17,8 @@ from dsbrdf.measured.brdf import Source
 from dsbrdf.model_file import MAX_BYTES, PARAMETERS, SCHEMA
 
 GOLDEN = Path(__file__).parent / "golden"
-FILES = sorted(GOLDEN.glob("model-schema-?.json"))
+FILES = sorted(file for file in GOLDEN.glob("model-*.json") if "values" not in file.stem)
+ARRAYS = (*PARAMETERS, "spike")
 
 
 def random_model(rng, n_slices=4, n_channels=3, n_lobes=2):
@@ -27,6 +28,7 @@ def random_model(rng, n_slices=4, n_channels=3, n_lobes=2):
         kappa=10 ** rng.uniform(-14, 2, shape),
         gamma=10 ** rng.uniform(-6, 6, shape),
         beta=rng.uniform(-1, 1, shape),
+        spike=rng.uniform(0, 1e6, shape[:2]),
         name='a "quoted" näme\n',
         source=Source(
             description="made up", recorded={"file": "a.binary", "sha256": None, "description": "made up"}
@@ -80,7 +82,7 @@ def test_everything_comes_back_to_the_last_bit(path, rng, shape):
     model = random_model(rng, *shape)
     model.save(path)
     back = load(path)
-    for key in PARAMETERS:
+    for key in ARRAYS:
         assert_array_equal(getattr(back, key), getattr(model, key))
         assert getattr(back, key).dtype == np.float64
     assert back.name == model.name
@@ -107,23 +109,11 @@ def test_any_positive_number_comes_back(tmp_path_factory, value):
 def test_layout_of_schema_1(model, path):
     model.save(str(path))
     content = json.loads(path.read_text(encoding="utf-8"))
-    keys = [
-        "format",
-        "schema",
-        "name",
-        "units",
-        "theta_d",
-        "kappa",
-        "gamma",
-        "beta",
-        "source",
-        "fit",
-        "errors",
-    ]
-    assert list(content) == keys
+    assert list(content) == ["format", "schema", "name", "units", *ARRAYS, "source", "fit", "errors"]
     assert content["format"] == "dsbrdf model"
     assert content["schema"] == SCHEMA == 1
     assert_array_equal(content["kappa"], model.kappa)
+    assert_array_equal(content["spike"], model.spike)
     assert path.read_bytes().endswith(b"}\n")
 
 
@@ -178,6 +168,12 @@ def test_what_is_not_needed_may_be_missing_or_null(content, path):
             assert (back.fit_options == {}) == (key == "fit")
 
 
+def test_a_file_without_spike_has_none(content, path):
+    del content["spike"]
+    path.write_text(json.dumps(content))
+    assert_array_equal(load(path).spike, np.zeros((4, 3)))
+
+
 def test_keys_of_others_are_let_be(content, path):
     path.write_text(json.dumps(content | {"comment": [1, {"a": None}]}))
     assert_array_equal(load(path).kappa, content["kappa"])
@@ -187,7 +183,8 @@ def test_keys_of_others_are_let_be(content, path):
 
 
 def test_there_is_a_golden_file_of_every_schema():
-    assert [file.name for file in FILES] == [f"model-schema-{n}.json" for n in range(1, SCHEMA + 1)]
+    schemas = {json.loads(file.read_text())["schema"] for file in FILES}
+    assert schemas == set(range(1, SCHEMA + 1))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -207,6 +204,9 @@ def test_golden_file_of_schema_1_keeps_every_number():
     assert model.gamma[1, 0, 0] == 2 / 3
     assert model.beta[2, 1, 1] == 1e-17
     assert model.beta.shape == (3, 2, 2)
+    assert not model.spike.any()
+    with_spike = load(GOLDEN / "model-schema-1-spike.json")
+    assert_array_equal(with_spike.spike, [[0.0, 30.0], [4.5, 0.1], [0.0, 7.0]])
     assert model.source.description == "made by hand: é, 1/sr"
     assert model.source.to_json()["file"] == "hand.binary"
     assert model.fit_options["min_theta_h"] == np.deg2rad(1.0)
@@ -317,6 +317,9 @@ SHAPE = "must have shape (theta_d, channel, lobe) like 'kappa' with 4 theta_d, g
             np.full((4, 3, 2), -1.0).tolist(),
             "'gamma' must be >= 0 and finite, got -1 at index (0, 0, 0).",
         ),
+        ("spike", [[0.0] * 3] * 3, "'spike' must have shape (theta_d, channel) (4, 3), got (3, 3)."),
+        ("spike", [[-1.0] * 3] * 4, "'spike' must be >= 0 and finite, got -1 at index (0, 0)."),
+        ("spike", None, "'spike' must be >= 0 and finite, got nan."),
         ("beta", np.ones((4, 3)).tolist(), f"'beta' {SHAPE} (4, 3)."),
         (
             "beta",
@@ -399,7 +402,7 @@ json_values = st.recursive(
 )
 
 
-@given(key=st.sampled_from([*PARAMETERS, "schema", "name", "source", "fit", "errors"]), value=json_values)
+@given(key=st.sampled_from([*ARRAYS, "schema", "name", "source", "fit", "errors"]), value=json_values)
 def test_any_json_in_any_place_is_read_or_refused(tmp_path_factory, key, value):
     content = json.loads((GOLDEN / "model-schema-1.json").read_text())
     path = tmp_path_factory.getbasetemp() / "strange.json"

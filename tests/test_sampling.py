@@ -15,6 +15,7 @@ KINDS = {
     "metal": lobes([0.8, 0.5], [30.0, 8.0], [-0.4, 0.3]),
     "near-mirror": lobes([5.0, 0.5], [2e4, 300.0], [0.0, 0.0]),
 }
+KINDS["spike"] = KINDS["glossy-plastic"].replace(spike=np.full((6, 3), 40.0) * [1.0, 2.0, 0.5])
 THETA_O = np.deg2rad([0.0, 30.0, 60.0, 80.0])
 CASES = [(name, theta_o) for name in KINDS for theta_o in THETA_O]
 IDS = [f"{name}-{np.rad2deg(theta_o):.0f}" for name, theta_o in CASES]
@@ -111,9 +112,7 @@ def test_albedo_of_a_fit_is_that_of_the_material(name):
     reflectance = materials.get(name).reflectance
     for theta_o in THETA_O[:3]:
         wo = toward(theta_o)
-        cells = chi2.cell_integrals(
-            lambda wi, wo=wo: reflectance(wi, wo)[..., 0] * wi[..., 2], tolerance=1e-6
-        )
+        cells = chi2.cell_integrals(lambda wi, wo=wo: reflectance(wi, wo)[..., 0] * wi[..., 2])
         albedo = model.albedo(theta_o)[0]
         assert albedo == pytest.approx(cells.sum(), rel=0.1)
         assert albedo < 1.02

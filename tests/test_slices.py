@@ -89,6 +89,19 @@ def test_min_theta_h_keeps_what_is_at_or_above_it(small_table, min_theta_h):
     assert kept(slice_profiles(small_table, min_theta_h=exactly)[0])[0] == 4
 
 
+def test_cutting_a_slice_is_the_same_as_leaving_samples_out(damaged_table):
+    exactly = damaged_table.theta_h[4]
+    for whole, without in zip(
+        unmasked(damaged_table),
+        slice_profiles(damaged_table, min_theta_h=exactly, perimeter_mask=False),
+        strict=True,
+    ):
+        cut = whole.cut(exactly)
+        assert_array_equal(cut.moments, without.moments)
+        assert_array_equal(cut.theta_h, whole.theta_h)
+        assert cut.theta_d == whole.theta_d
+
+
 def test_perimeter_mask_leaves_whole_circles_of_phi_d(make_table):
     table = make_table(1, shape=(30, 30, 12))
     for profile in slice_profiles(table, n_slices=30, min_theta_h=0.0):

@@ -325,7 +325,5 @@ class TestErrors:
 
 
 def test_import_stays_light():
-    code = "import sys, dsbrdf.williams; print('scipy.stats' in sys.modules, 'scipy.optimize' in sys.modules)"
-    before = "import sys, dsbrdf; print('scipy.stats' in sys.modules, 'scipy.optimize' in sys.modules)"
-    outputs = [subprocess.check_output([sys.executable, "-c", c], text=True) for c in (code, before)]
-    assert outputs[0] == outputs[1]
+    code = "import sys, dsbrdf.williams; print(sorted({'scipy.optimize', 'scipy.stats'} & set(sys.modules)))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+ASIN_BETA = (-1.57, 1.57)
+
 
 def collapse(values, phi_d):
     """Moments (..., 6) over phi_d of values (..., phi_d), invalid where NaN."""
@@ -98,7 +100,9 @@ def bounds(s):
 
 def refine(x, s, target=None):
     """Least-squares fit of all lobes together, from x; to `target` instead of the mean over phi_d."""
-    low, high = ([*limits, limit][: x.shape[1]] * len(x) for limits, limit in zip(bounds(s), (-1.57, 1.57)))
+    low, high = (
+        [*limits, limit][: x.shape[1]] * len(x) for limits, limit in zip(bounds(s), ASIN_BETA, strict=True)
+    )
     best = least_squares(
         lambda y: residual(y.reshape(x.shape), s, target),
         np.clip(x.ravel(), np.add(low, 1e-9), np.add(high, -1e-9)),

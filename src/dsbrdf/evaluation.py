@@ -43,10 +43,13 @@ def evaluate_numpy(
     return values.reshape(*wi.shape[:-1], kappa.shape[1])
 
 
-def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any) -> Any:
+def evaluate_any(
+    wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any = None
+) -> Any:
     """Values (..., channel) at pairs of directions (..., 3), in the library and precision of the arrays."""
     import array_api_compat
 
+    spike = np.zeros(kappa.shape[:2]) if spike is None else spike
     arrays = [a for a in (wi, wo, kappa, gamma, beta, spike) if array_api_compat.is_array_api_obj(a)]
     foreign = [a for a in arrays if not isinstance(a, np.ndarray)] or arrays
     xp = array_api_compat.array_namespace(*foreign)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _core, half_diff, metrics
+from dsbrdf import _check, _core, half_diff, metrics
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.model import DSBRDF
 from dsbrdf.selection import LobeSelection, select_lobes
@@ -194,6 +194,7 @@ def fit(
     """
     azimuthal = method != "em" if azimuthal is None else azimuthal
     _check_options(n_lobes, method, loss, azimuthal, order)
+    min_theta_h = float(_check.angle(min_theta_h, "min_theta_h"))
     masks: dict[str, Any] = {
         "min_theta_h": min_theta_h,
         "perimeter_mask": perimeter_mask,

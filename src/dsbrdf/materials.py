@@ -97,7 +97,7 @@ _CATALOGUE = (
     Material(
         "matte",
         "Unglazed clay: Oren-Nayar of sigma 0.5 rad, no specular lobe.",
-        partial(oren_nayar, albedo=(0.60, 0.34, 0.22), sigma=0.5),
+        partial(oren_nayar, albedo=(0.60, 0.34, 0.22), sigma=0.15),
         _OREN_NAYAR,
     ),
     Material(

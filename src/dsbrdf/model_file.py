@@ -40,7 +40,8 @@ def save(model: DSBRDF, path: str | Path) -> None:
         "format": FORMAT,
         "schema": SCHEMA,
         "name": model.name,
-        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), spike (theta_d, channel)",
+        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), "
+        "spike (theta_d, channel)",
         **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),

@@ -65,11 +65,10 @@ class SliceProfile:
         amplitude = _ratio(fc - f * _ratio(c, n), spread)
         return np.where(spread > 1e-12 * n, amplitude, np.nan)
 
-
     def cut(self, min_theta_h: float) -> SliceProfile:
         """The slice without its samples of theta_h below `min_theta_h` (radians)."""
         kept = self.theta_h >= min_theta_h
-        return SliceProfile(self.theta_d, self.theta_h, self.moments * kept[:, None])
+        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0))
 
 
 def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,11 +1,12 @@
-"""A hand-made model of schema 1 and its values, written beside this file; it takes a second.
+"""Two hand-made models of schema 1 and their values, written beside this file; it takes a second.
 
-`model-schema-1.json` is what `save` wrote when the schema was 1. Every later version has to read it: do not
-write it again when the layout changes, add the next. `model-schema-1-values.json` has values of that model in
-1/sr at angles (theta_h, theta_d, phi_d) from mpmath and the formulas alone: at slices, between them, and
-beyond the first and last.
+`model-schema-1.json` is what `save` wrote when the schema was 1 and there was no spike yet,
+`model-schema-1-spike.json` the same with one. Every later version has to read them: do not write them again
+when the layout changes, add the next. The files `*-values.json` have values of the models in 1/sr at angles
+(theta_h, theta_d, phi_d) from mpmath and the formulas alone: at slices, between them, and beyond the first
+and last.
 
-Run with `python tests/golden/model_schema_1.py`; it needs mpmath, and for the first file the package.
+Run with `python tests/golden/model_schema_1.py`; it needs mpmath, and the package for a model not yet there.
 """
 
 import json
@@ -14,7 +15,9 @@ from pathlib import Path
 import mpmath as mp
 
 HERE = Path(__file__).parent
-WIDTH = "0.03"
+#: Of the azimuthal term, as a number of this schema: a model file does not hold it.
+WIDTH = "0.01"
+SPIKE = [[0.0, 30.0], [4.5, 0.1], [0.0, 7.0]]
 MODEL = {
     "theta_d": [0.1, 0.6, 1.2],
     "kappa": [
@@ -35,6 +38,8 @@ MODEL = {
 }
 ANGLES = [
     [0.0, 0.1, 0.0],
+    [0.008, 0.3, 2.0],
+    [0.0175, 1.3, 1.0],
     [0.05, 0.1, 0.7],
     [0.3, 0.6, 1.5],
     [0.9, 0.6, 0.0],
@@ -45,14 +50,15 @@ ANGLES = [
 ]
 
 
-def write_model():
-    """`model-schema-1.json`."""
+def write_model(path, spike):
+    """A model file of the package."""
     from dsbrdf import DSBRDF
     from dsbrdf.measured.brdf import Source
 
     source = {"file": "hand.binary", "sha256": "0" * 64, "description": "made by hand: é, 1/sr"}
     model = DSBRDF(
         **MODEL,
+        spike=spike,
         name="hand-made",
         source=Source(description=source["description"], recorded=source),
         fit_options={
@@ -63,34 +69,41 @@ def write_model():
         },
         errors={"rel_rms": 0.012345678901234567, "monotone_floor": float("nan")},
     )
-    model.save(HERE / "model-schema-1.json")
+    model.save(path)
 
 
-def slice_value(s, channel, theta_h, theta_d, phi_d):
-    """Sum over the lobes of slice `s` with the azimuthal term."""
+def slice_value(spike, s, channel, theta_h, theta_d, phi_d):
+    """Sum over the lobes of slice `s` with the azimuthal term, and the spike, which ends at one degree."""
     p, q = mp.sin(theta_h) * mp.sin(theta_d), mp.cos(theta_h) * mp.cos(theta_d)
     factor = p / mp.sqrt(p**2 + (mp.mpf(WIDTH) * q) ** 2)
     lobes = zip(*(MODEL[key][s][channel] for key in ("kappa", "gamma", "beta")), strict=True)
-    return sum(mp.expm1(k * mp.cos(theta_h) ** g) * (1 + b * factor * mp.cos(2 * phi_d)) for k, g, b in lobes)
+    light = sum(
+        mp.expm1(k * mp.cos(theta_h) ** g) * (1 + b * factor * mp.cos(2 * phi_d)) for k, g, b in lobes
+    )
+    cap = 1 - (mp.sin(theta_h) / mp.sin(mp.pi / 180)) ** 2
+    return light + (spike[s][channel] * max(cap, 0) if spike else 0)
 
 
-def value(channel, theta_h, theta_d, phi_d):
+def value(spike, channel, theta_h, theta_d, phi_d):
     """Value of the model, linear in theta_d between slices and held beyond the first and last."""
     nodes = [mp.mpf(node) for node in MODEL["theta_d"]]
     low = max([i for i in range(len(nodes) - 1) if nodes[i] <= theta_d], default=0)
     weight = min(max((theta_d - nodes[low]) / (nodes[low + 1] - nodes[low]), 0), 1)
-    below, above = (slice_value(s, channel, theta_h, theta_d, phi_d) for s in (low, low + 1))
+    below, above = (slice_value(spike, s, channel, theta_h, theta_d, phi_d) for s in (low, low + 1))
     return (1 - weight) * below + weight * above
 
 
 def main():
-    """Write both files; the first only if there is none."""
-    if not (HERE / "model-schema-1.json").exists():
-        write_model()
-    with mp.workdps(40):
-        values = [[float(value(channel, *map(mp.mpf, angles))) for channel in range(2)] for angles in ANGLES]
-    text = json.dumps({"angles": ANGLES, "values": values}, indent=1)
-    (HERE / "model-schema-1-values.json").write_text(text + "\n")
+    """Write the values, and the models that are not there."""
+    for name, spike in (("model-schema-1", None), ("model-schema-1-spike", SPIKE)):
+        if not (HERE / f"{name}.json").exists():
+            write_model(HERE / f"{name}.json", spike)
+        with mp.workdps(40):
+            values = [
+                [float(value(spike, channel, *map(mp.mpf, at))) for channel in range(2)] for at in ANGLES
+            ]
+        text = json.dumps({"angles": ANGLES, "values": values}, indent=1)
+        (HERE / f"{name}-values.json").write_text(text + "\n")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ use crate::mixture::Mixture;
 use crate::slice::Slice;
 
 /// When a lobe's fit to its share (the M-step) stops.
-const M_STEP: Stop = Stop { max_iterations: 30, cost: 1e-3, floor: 0.0, zero: 0.0 };
+const M_STEP: Stop = Stop { max_iterations: 30, cost: 1e-3, floor: 0.0, energy: 0.0 };
 /// Smallest parameters of a start.
 const TINY: f64 = 1e-12;
 

@@ -208,6 +208,8 @@ mod tests {
     const GAMMA: [f64; 4] = [30.0, 0.5, 12.0, 2.0];
     const BETA: [f64; 4] = [0.4, -0.3, 0.1, 0.6];
     const THETA_D: [f64; 2] = [0.3, 0.9];
+    const SPIKE: [f64; 2] = [2.0, 5.0];
+    const SPIKE_SIN2: f64 = 0.01;
 
     fn evaluate(wi: [f64; 3], wo: [f64; 3]) -> f64 {
         let model = Model {
@@ -217,6 +219,8 @@ mod tests {
             kappa: &KAPPA,
             gamma: &GAMMA,
             beta: &BETA,
+            spike: &SPIKE,
+            spike_sin2: SPIKE_SIN2,
             azimuthal_width: WIDTH,
         };
         let mut value = [f64::NAN];
@@ -238,7 +242,7 @@ mod tests {
         let azimuth = p / p.hypot(q) * (2.0 * phi).cos();
         let slice = |s: usize| -> f64 {
             let lobe = |k: usize| (KAPPA[k] * h.cos().powf(GAMMA[k])).exp_m1() * (1.0 + BETA[k] * azimuth);
-            lobe(2 * s) + lobe(2 * s + 1)
+            lobe(2 * s) + lobe(2 * s + 1) + SPIKE[s] * (1.0 - h.sin().powi(2) / SPIKE_SIN2).max(0.0)
         };
         let weight = ((d - THETA_D[0]) / (THETA_D[1] - THETA_D[0])).clamp(0.0, 1.0);
         (1.0 - weight) * slice(0) + weight * slice(1)
@@ -246,9 +250,9 @@ mod tests {
 
     #[test]
     fn equals_the_formula_and_is_reciprocal() {
-        for i in 0..400 {
+        for i in 0..800 {
             let unit = |k: u32| (f64::from(i * k + 7) * 0.618_033_988_749_894_9).fract();
-            let (h, d, phi) = (0.01 + 0.7 * unit(1), 0.01 + 0.7 * unit(3), 6.2 * unit(5));
+            let (h, d, phi) = (0.01 + 0.7 * unit(1).powi(2), 0.01 + 0.7 * unit(3), 6.2 * unit(5));
             let (wi, wo) = directions(h, d, phi);
             let value = evaluate(wi, wo);
             assert!((value / formula(h, d, phi) - 1.0).abs() < 1e-12, "{h} {d} {phi}");

@@ -57,12 +57,12 @@ pub struct SliceFit {
 
 /// The joint fit's stopping rule while candidates are compared.
 fn scout(slice: &Slice) -> Stop {
-    Stop { max_iterations: 40, cost: 3e-2, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 40, cost: 3e-2, floor: 0.5 * slice.floor, energy: slice.energy }
 }
 
 /// The stopping rule of the joint fit that ends in the model.
 fn finish(slice: &Slice) -> Stop {
-    Stop { max_iterations: 500, cost: 1e-5, floor: 0.5 * slice.floor, zero: 1e-28 * slice.energy }
+    Stop { max_iterations: 500, cost: 1e-4, floor: 0.5 * slice.floor, energy: slice.energy }
 }
 
 /// Fits slices given theta_d by theta_d, `n_channels` after one another.
@@ -193,13 +193,16 @@ fn joint(slice: &Slice, start: &[Lobe], azimuthal: bool, spent: usize) -> SliceF
     }
 }
 
-/// Adds to every slice the fits that start from the best of the slices before and after in theta_d.
+/// Adds to every slice the fits that start from the best of the slices before and after in theta_d, and of the
+/// other channels.
 fn from_neighbours(slices: &[Slice], n_channels: usize, candidates: &mut [Vec<SliceFit>], azimuthal: bool) {
     let bests: Vec<Vec<Lobe>> = candidates.iter().map(|fits| best(fits).lobes.clone()).collect();
     let empty: Vec<bool> = candidates.iter().map(|fits| fits[0].status == Status::NoData).collect();
     candidates.par_iter_mut().enumerate().for_each(|(i, fits)| {
-        let neighbours = [i.checked_sub(n_channels), Some(i + n_channels)];
-        for j in neighbours.into_iter().flatten() {
+        let channel = i % n_channels;
+        let slice = [i.checked_sub(n_channels), Some(i + n_channels)].into_iter().flatten();
+        let others = (0..n_channels).filter(|&c| c != channel).map(|c| i - channel + c);
+        for j in slice.chain(others) {
             if j < slices.len() && !empty[i] && !empty[j] {
                 fits.push(joint(&slices[i], &bests[j], azimuthal, 0));
             }

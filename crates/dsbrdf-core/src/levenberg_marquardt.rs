@@ -19,8 +19,9 @@ pub struct Stop {
     pub cost: f64,
     /// What is left at best, and not part of the cost.
     pub floor: f64,
-    /// A cost at or below which the data are met to rounding.
-    pub zero: f64,
+    /// Sum of squares of the data: costs of [`ZERO`] times it are met to rounding, and a slow descent of less than
+    /// [`NEGLIGIBLE`] times it over [`WINDOW`] iterations is not worth the time.
+    pub energy: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,10 @@ pub struct Minimum {
 
 /// Iterations over which a slow descent is judged.
 const WINDOW: usize = 8;
+const ZERO: f64 = 1e-28;
+const NEGLIGIBLE: f64 = 1e-10;
+/// A descent is slow if less than this share of the cost goes in [`WINDOW`] iterations.
+const SLOW: f64 = 0.2;
 /// Steps rejected in a row before the damping is taken to mean that no descent is left.
 const MAX_REJECTED: usize = 40;
 
@@ -51,7 +56,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
     let mut rejected = 0;
     let mut milestone = cost;
     for iteration in 0..stop.max_iterations {
-        if cost <= stop.zero {
+        if cost <= ZERO * stop.energy {
             return Minimum { cost, iterations: iteration, converged: true };
         }
         if !solve_damped(&hessian, &gradient, damping, &mut factor, &mut step) {
@@ -79,7 +84,8 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             let tiny = actual.max(predicted) <= 1e-3 * stop.cost * (cost + stop.floor);
             cost = new_cost;
             let judge = (iteration + 1) % WINDOW == 0;
-            let slow = judge && milestone - cost <= stop.cost * (cost + stop.floor);
+            let least = (stop.cost * (cost + stop.floor)).max((SLOW * cost).min(NEGLIGIBLE * stop.energy));
+            let slow = judge && milestone - cost <= least;
             if judge {
                 milestone = cost;
             }
@@ -178,7 +184,7 @@ mod tests {
     #[test]
     fn finds_the_minimum_of_rosenbrock() {
         let mut x = [-1.2, 1.0];
-        let stop = Stop { max_iterations: 200, cost: 1e-15, floor: 0.0, zero: 1e-30 };
+        let stop = Stop { max_iterations: 200, cost: 1e-15, floor: 0.0, energy: 1e-2 };
         let minimum = minimise(&mut Rosenbrock::default(), &mut x, stop);
         assert!(minimum.converged);
         assert!((x[0] - 1.0).abs() < 1e-10 && (x[1] - 1.0).abs() < 1e-10, "{x:?}");
@@ -186,7 +192,7 @@ mod tests {
 
     #[test]
     fn says_when_it_ran_out_of_steps() {
-        let stop = Stop { max_iterations: 2, cost: 1e-15, floor: 0.0, zero: 0.0 };
+        let stop = Stop { max_iterations: 2, cost: 1e-15, floor: 0.0, energy: 0.0 };
         assert!(!minimise(&mut Rosenbrock::default(), &mut [-1.2, 1.0], stop).converged);
     }
 }

@@ -309,7 +309,7 @@ mod tests {
             };
             (0..13).map(row).sum()
         };
-        let nothing = Stop { max_iterations: 0, cost: 0.0, floor: 0.0, zero: 0.0 };
+        let nothing = Stop { max_iterations: 0, cost: 0.0, floor: 0.0, energy: 0.0 };
         for (azimuthal, floor) in [(false, slice.bivariate_floor()), (true, slice.floor)] {
             let (kept, minimum) = Mixture::new(&slice, 2, azimuthal).fit(&lobes, nothing);
             let squares = brute(azimuthal);

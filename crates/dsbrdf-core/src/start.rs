@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn more_lobes_fit_no_worse() {
         let samples = Samples::new(40, 11);
-        let stop = Stop { max_iterations: 100, cost: 1e-4, floor: 0.0, zero: 0.0 };
+        let stop = Stop { max_iterations: 100, cost: 1e-4, floor: 0.0, energy: 0.0 };
         let nothing = Stop { max_iterations: 0, ..stop };
         for loss in [Loss::L2, Loss::Log { offset: 1e-3 }] {
             let slice = samples.slice(loss);
