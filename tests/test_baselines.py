@@ -383,7 +383,7 @@ def test_errors_are_those_of_brute_force(damaged_table):
     assert errors.rel_rms == pytest.approx(np.sqrt(squares / energy), rel=1e-9)
 
 
-def test_ggx_fit_minimises_these_errors(damaged_table):
+def test_fits_minimise_these_errors(damaged_table):
     """Also with invalid samples strewn in, a step in any direction goes up."""
     # Outside the perimeter mask some entries lie below the horizon
     options = {"perimeter_mask": False}

@@ -103,12 +103,12 @@ def test_errors_under_noise_are_those_expected(n_lobes, azimuthal, rng):
 # Promises
 
 
-@pytest.mark.parametrize("n_lobes", [1, 3, 5])
+@pytest.mark.parametrize("n_lobes", [1, 3, 4])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_never_above_the_em(name, n_lobes):
     measured = built_in(name)
     em = objectives(quiet_fit(measured, n_lobes, method="em"))
-    for options in ({}, {"azimuthal": False}, {"order": "kappa"}):
+    for options in ({}, {"azimuthal": False}, {"order": "kappa", "azimuthal": False}):
         assert (objectives(quiet_fit(measured, n_lobes, **options)) <= em * (1.0 + 1e-12)).all()
 
 
@@ -116,7 +116,7 @@ def test_never_above_the_em(name, n_lobes):
 AS_GOOD = 2e-4
 
 
-@pytest.mark.parametrize("n_lobes", [1, 2, 3, 5])
+@pytest.mark.parametrize("n_lobes", [1, 2, 4])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_azimuthal_term_never_makes_it_worse(name, n_lobes):
     measured = built_in(name)
@@ -361,7 +361,9 @@ def test_empty_slices_take_the_nearest_lobes():
         for i, nearest in ((0, 2), (1, 2), (5, 4)):
             np.testing.assert_array_equal(values[i], values[nearest])
         assert values[3, 1] in (values[2, 1], values[4, 1])
-    np.testing.assert_allclose(fitted.model.kappa[2], known(1, True).kappa[2], rtol=1e-6)
+    truth = np.where(empty[..., None], np.nan, known(1, True).kappa)
+    got = np.where(empty[..., None], np.nan, fitted.model.kappa)
+    np.testing.assert_allclose(got, truth, rtol=1e-6)
 
 
 def constant(value, channels=3, shape=(20, 6, 12)):

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import re
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsbrdf import DSBRDF, ModelFormatError, load
+from dsbrdf import DSBRDF, ModelFormatError, _files, load
 from dsbrdf.measured.brdf import Source
 from dsbrdf.model_file import MAX_BYTES, PARAMETERS, SCHEMA
 
@@ -442,6 +443,24 @@ def test_an_interrupted_write_leaves_the_old_file(model, path, monkeypatch):
     assert places[0] != path
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_threads_that_write_the_same_file_do_not_share_what_is_half_written(path):
+    places = []
+
+    def write():
+        with _files.aside(path) as part:
+            places.append(part)
+            part.write_text("whole")
+
+    with _files.aside(path) as part:
+        thread = threading.Thread(target=write)
+        thread.start()
+        thread.join()
+        assert path.read_text() == "whole"
+        part.write_text("later")
+    assert places[0] != part
+    assert path.read_text() == "later"
 
 
 def test_saving_makes_the_folder(model, tmp_path):

@@ -39,6 +39,7 @@ def test_eighteen_slices_are_every_fifth_row_and_ninety_every_row():
     assert_array_equal(slice_rows(18), np.arange(18))
     assert_array_equal(slice_rows(90, 1), [0])
     assert_array_equal(slice_rows(7, 3), [0, 2, 4])
+    assert_array_equal(slice_rows(7, 5), [0, 1, 2, 4, 5])
 
 
 @given(n_rows=st.integers(1, 400), data=st.data())
@@ -48,6 +49,7 @@ def test_any_number_of_slices_takes_different_rows_in_order(n_rows, data):
     assert len(rows) == n_slices
     assert rows[0] == 0
     assert rows[-1] < n_rows
+    assert n_rows - rows[-1] <= -(-n_rows // n_slices)
     assert (np.diff(rows) > 0).all()
     assert np.ptp(np.diff(rows)) <= 1 if n_slices > 1 else True
 

@@ -125,4 +125,5 @@ def azimuthal_factor(theta_h: ArrayLike, theta_d: ArrayLike) -> NDArray[np.float
     p = np.sin(theta_h) * np.sin(theta_d)
     q = AZIMUTHAL_WIDTH * np.cos(theta_h) * np.cos(theta_d)
     length = np.hypot(p, q)
-    return np.divide(p, length, out=np.zeros_like(length), where=length > 0.0)
+    factor: NDArray[np.float64] = np.divide(p, length, out=np.zeros_like(length), where=length > 0.0)
+    return factor

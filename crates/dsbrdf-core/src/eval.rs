@@ -78,7 +78,8 @@ impl Block {
     fn set(&mut self, model: &Model, wi: &[f64], wo: &[f64]) {
         let (sin2, tan_d) = self.vectors(model.azimuthal_width, wi, wo);
         for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
-            self.ln_cos[j] = 0.5 * (-sin2[j]).ln_1p();
+            // With the half vector on the horizon, the logarithm stays finite
+            self.ln_cos[j] = 0.5 * (-sin2[j].min(1.0 - 0.5 * f64::EPSILON)).ln_1p();
             self.cap[j] = (1.0 - sin2[j] / model.spike_sin2).max(0.0);
             let above = if wi[2] >= 0.0 && wo[2] >= 0.0 { 1.0 } else { 0.0 };
             let (slice, next) = between(model.theta_d, tan_d[j].atan());

@@ -77,7 +77,7 @@ pub fn fit(slices: &[Slice], l2_slices: &[Slice], n_channels: usize, plan: Plan)
     let azimuthal = plan.azimuthal && add_azimuthal(slices, n_channels, &mut candidates);
     let mut fits = in_order(&candidates, n_channels, plan.follow);
     fits.par_iter_mut().zip(slices).for_each(|(fit, slice)| polish(slice, azimuthal, fit));
-    fits
+    if plan.follow { fits } else { fits.iter().map(sorted).collect() }
 }
 
 /// Adds the azimuthal term to all candidates where the data call for it; whether they do.
@@ -121,8 +121,12 @@ fn in_order(candidates: &[Vec<SliceFit>], n_channels: usize, following: bool) ->
             .map(|channel| along(channel).iter().map(|fits| sorted(best(fits))).collect())
             .collect()
     };
-    let n_slices = curves.first().map_or(0, Vec::len);
-    (0..n_slices).flat_map(|slice| curves.iter().map(move |curve| curve[slice].clone())).collect()
+    // The history of the EM stays with the slice, whichever candidate was chosen
+    let chosen = |(i, fits): (usize, &Vec<SliceFit>)| SliceFit {
+        em_history: fits[0].em_history.clone(),
+        ..curves[i % n_channels][i / n_channels].clone()
+    };
+    candidates.iter().enumerate().map(chosen).collect()
 }
 
 /// Runs the joint fit of the chosen candidate to its end.

@@ -1,7 +1,7 @@
 //! Which lobes of neighbouring slices, and of channels, are the same (Section 4).
 
 use crate::assignment::{assign, distance};
-use crate::fit::{SliceFit, best};
+use crate::fit::{SliceFit, Status, best};
 use crate::lobe::Lobe;
 
 /// A candidate within this of the best objective may be taken for the sake of smooth curves.
@@ -22,56 +22,55 @@ fn correspondence(from: &[Lobe], to: &[Lobe]) -> (f64, Vec<usize>) {
 
 /// The smoothest path over theta_d through candidates as good as the best, its lobes in one order.
 pub fn follow(along: &[&Vec<SliceFit>]) -> Vec<SliceFit> {
-    let admissible: Vec<Vec<&SliceFit>> = along
-        .iter()
-        .map(|fits| {
-            // As good as the best, and never above the EM alone (but for rounding)
-            let em = fits[0].em_history.last().copied().unwrap_or(f64::INFINITY);
-            let least = best(fits).objective;
-            let limit = (least * (1.0 + AS_GOOD)).min(em).max(least);
-            fits.iter().filter(|fit| fit.objective <= limit).collect()
-        })
-        .collect();
+    let mut curve: Vec<SliceFit> = along.iter().map(|fits| fits[0].clone()).collect();
+    // Slices without data have no lobes to follow
+    let known: Vec<usize> = (0..along.len()).filter(|&i| curve[i].status != Status::NoData).collect();
+    let admissible: Vec<Vec<&SliceFit>> = known.iter().map(|&i| as_good_as_best(along[i])).collect();
+    let mut last: Option<Vec<Lobe>> = None;
+    for ((&slice, fits), choice) in known.iter().zip(&admissible).zip(smoothest(&admissible)) {
+        curve[slice] = match &last {
+            None => sorted(fits[choice]),
+            Some(lobes) => permuted(fits[choice], &correspondence(lobes, &fits[choice].lobes).1),
+        };
+        last = Some(curve[slice].lobes.clone());
+    }
+    curve
+}
 
-    // Viterbi: least summed distance to each candidate, and the candidate it came from
-    let mut cost = vec![0.0; admissible.first().map_or(0, Vec::len)];
+/// Candidates as good as the best and (but for rounding) never above the EM alone.
+fn as_good_as_best(fits: &[SliceFit]) -> Vec<&SliceFit> {
+    let em = fits[0].em_history.last().copied().unwrap_or(f64::INFINITY);
+    let least = best(fits).objective;
+    let limit = (least * (1.0 + AS_GOOD)).min(em).max(least);
+    fits.iter().filter(|fit| fit.objective <= limit).collect()
+}
+
+/// One candidate a slice with the least summed distance between neighbours (Viterbi).
+fn smoothest(candidates: &[Vec<&SliceFit>]) -> Vec<usize> {
+    let least =
+        |costs: &[f64]| (0..costs.len()).reduce(|i, j| if costs[j] < costs[i] { j } else { i }).unwrap_or(0);
+    let mut cost = vec![0.0; candidates.first().map_or(0, Vec::len)];
     let mut came_from: Vec<Vec<usize>> = Vec::new();
-    for pair in admissible.windows(2) {
-        let (costs, origins): (Vec<f64>, Vec<usize>) = pair[1]
+    for pair in candidates.windows(2) {
+        let (costs, origins) = pair[1]
             .iter()
             .map(|to| {
-                let total = |i: usize| cost[i] + correspondence(&pair[0][i].lobes, &to.lobes).0;
-                (0..pair[0].len())
-                    .map(|i| (total(i), i))
-                    .reduce(|best, next| if next.0 < best.0 { next } else { best })
-                    .expect("a candidate")
+                let step = |from: &&SliceFit| correspondence(&from.lobes, &to.lobes).0;
+                let totals: Vec<f64> =
+                    pair[0].iter().zip(&cost).map(|(from, cost)| cost + step(from)).collect();
+                let origin = least(&totals);
+                (totals[origin], origin)
             })
             .unzip();
         cost = costs;
         came_from.push(origins);
     }
-    let mut at =
-        (0..cost.len()).reduce(|best, next| if cost[next] < cost[best] { next } else { best }).unwrap_or(0);
-    let mut path = vec![at];
+    let mut path = vec![least(&cost)];
     for origins in came_from.iter().rev() {
-        at = origins[at];
-        path.push(at);
+        path.push(origins[path[path.len() - 1]]);
     }
     path.reverse();
-
-    let mut curve: Vec<SliceFit> = Vec::with_capacity(along.len());
-    for (fits, &choice) in admissible.iter().zip(&path) {
-        let mut fit = match curve.last() {
-            None => sorted(fits[choice]),
-            Some(last) => {
-                let order = correspondence(&last.lobes, &fits[choice].lobes).1;
-                permuted(fits[choice], &order)
-            }
-        };
-        fit.em_history.clone_from(&along[curve.len()][0].em_history);
-        curve.push(fit);
-    }
-    curve
+    path
 }
 
 fn permuted(fit: &SliceFit, order: &[usize]) -> SliceFit {

@@ -37,6 +37,9 @@ const ZERO: f64 = 1e-28;
 const NEGLIGIBLE: f64 = 1e-10;
 /// A descent is slow if less than this share of the cost goes in [`WINDOW`] iterations.
 const SLOW: f64 = 0.2;
+/// Unknowns are logarithms and angles: what asks for more than this has next to no effect, and must not hold up
+/// the others.
+const MAX_STEP: f64 = 8.0;
 /// Steps rejected in a row before the damping is taken to mean that no descent is left.
 const MAX_REJECTED: usize = 40;
 
@@ -68,8 +71,9 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             }
             continue;
         }
-        for ((trial, &x), &step) in trial.iter_mut().zip(x.iter()).zip(&step) {
-            *trial = x - step;
+        for ((trial, &x), step) in trial.iter_mut().zip(x.iter()).zip(&mut step) {
+            *step = step.clamp(-MAX_STEP, MAX_STEP);
+            *trial = x - *step;
         }
         problem.project(&mut trial);
 

@@ -100,7 +100,7 @@ class MeasuredBRDF:
     @property
     def n_channels(self) -> int:
         """Number of channels."""
-        return self.planes.shape[0]
+        return int(self.planes.shape[0])
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
