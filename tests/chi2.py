@@ -12,9 +12,13 @@ CELLS = (20, 40)
 FEWEST = 10.0
 
 
-def cell_integrals(function, tolerance=1e-5, cells=CELLS):
-    """Integrals (cos theta, phi) over the cells of `function` of directions (..., 3), each to `tolerance`."""
+def cell_integrals(function, peak, tolerance=1e-5, cells=CELLS):
+    """Integrals (cos theta, phi) over the cells of `function` of directions (..., 3), each to `tolerance`.
+
+    Around the direction `peak` nothing is taken to have settled before many nodes have looked for it.
+    """
     cell = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 2)
+    around = direction(*((cell + 0.5) / cells * [1.0, 2.0 * np.pi]).T) @ peak > np.cos(0.3)
     open_cells, result, order = np.arange(len(cell)), np.zeros(len(cell)), 4
     last = _quadrature(function, cell, cells, order)
     while len(open_cells):
@@ -23,7 +27,7 @@ def cell_integrals(function, tolerance=1e-5, cells=CELLS):
             raise RuntimeError(f"no convergence in {len(open_cells)} cells")
         now = _quadrature(function, cell[open_cells], cells, order)
         result[open_cells] = now
-        rough = np.abs(now - last) > tolerance
+        rough = (np.abs(now - last) > tolerance) | (around[open_cells] & (order < 64))
         open_cells, last = open_cells[rough], now[rough]
     return result.reshape(cells)
 

@@ -51,7 +51,7 @@ def slice_samples(fitted, index):
 
 
 def formula(theta_h, theta_d, phi_d, kappa, gamma, beta):
-    """Eq. (6) with the azimuthal term, no spike: (channel, ...) for one slice's parameters (channel, lobe)."""
+    """Eq. (6) with the azimuthal term but no spike, (channel, ...), for one slice's (channel, lobe)."""
     p, q = np.sin(theta_h) * np.sin(theta_d), AZIMUTHAL_WIDTH * np.cos(theta_h) * np.cos(theta_d)
     azimuth = p / np.hypot(p, q) * np.cos(2.0 * phi_d)
     shape = (*kappa.shape, *(1,) * azimuth.ndim)

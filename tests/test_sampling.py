@@ -52,7 +52,7 @@ def weights(model, wi, wo):
 @pytest.mark.parametrize(("name", "theta_o"), CASES, ids=IDS)
 def test_samples_follow_the_density(name, theta_o, rng):
     model, wo = KINDS[name], toward(theta_o)
-    mass = chi2.cell_integrals(lambda wi: model.pdf(wi, wo))
+    mass = chi2.cell_integrals(lambda wi: model.pdf(wi, wo), toward(-theta_o))
     samples = draw(model, wo, rng)
     assert chi2.p_value(samples, mass) > SIGNIFICANCE
     # What the density lacks is what falls below the horizon
@@ -78,8 +78,10 @@ def test_albedo_equals_quadrature_over_directions(name, theta_o):
     model, wo = KINDS[name], toward(theta_o)
     channel = 1
     # A spike has a kink at one degree
-    tolerance = 1e-5 if name == "spike" else 1e-6
-    cells = chi2.cell_integrals(lambda wi: model.eval(wi, wo)[..., channel] * wi[..., 2], tolerance)
+    tolerance = 5e-5 if name == "spike" else 1e-6
+    cells = chi2.cell_integrals(
+        lambda wi: model.eval(wi, wo)[..., channel] * wi[..., 2], toward(-theta_o), tolerance
+    )
     np.testing.assert_allclose(model.albedo(theta_o)[channel], cells.sum(), rtol=1e-3)
 
 
@@ -114,7 +116,9 @@ def test_albedo_of_a_fit_is_that_of_the_material(name):
     reflectance = materials.get(name).reflectance
     for theta_o in THETA_O[:3]:
         wo = toward(theta_o)
-        cells = chi2.cell_integrals(lambda wi, wo=wo: reflectance(wi, wo)[..., 0] * wi[..., 2])
+        cells = chi2.cell_integrals(
+            lambda wi, wo=wo: reflectance(wi, wo)[..., 0] * wi[..., 2], toward(-theta_o)
+        )
         albedo = model.albedo(theta_o)[0]
         assert albedo == pytest.approx(cells.sum(), rel=0.1)
         assert albedo < 1.02
@@ -198,7 +202,7 @@ def test_chi_square_tells_right_from_wrong(rng):
     radius = np.sqrt(rng.random(50_000))
     right = chi2.direction(np.sqrt(1.0 - radius**2), 2.0 * np.pi * rng.random(50_000))
     wrong = chi2.direction(rng.random(50_000), 2.0 * np.pi * rng.random(50_000))
-    mass = chi2.cell_integrals(cosine)
+    mass = chi2.cell_integrals(cosine, toward(0.0))
     np.testing.assert_allclose(mass.sum(), 1.0, rtol=1e-6)
     assert chi2.p_value(right, mass) > 1e-3
     assert chi2.p_value(wrong, mass) < 1e-12
@@ -209,7 +213,7 @@ def test_chi_square_tells_right_from_wrong(rng):
 
 
 def test_chi_square_is_uniform_under_the_null():
-    mass = chi2.cell_integrals(lambda wi: 0.8 * wi[..., 2] / np.pi, cells=(5, 6))
+    mass = chi2.cell_integrals(lambda wi: 0.8 * wi[..., 2] / np.pi, toward(0.0), cells=(5, 6))
     rng = np.random.default_rng(11)
     p_values = []
     for _ in range(300):
