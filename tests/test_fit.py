@@ -366,6 +366,17 @@ def test_empty_slices_take_the_nearest_lobes():
     np.testing.assert_allclose(got, truth, rtol=1e-6)
 
 
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}])
+def test_a_slice_too_dim_to_see_harms_nothing(options):
+    measured = of_model(known(2, False), 6)
+    whole = quiet_fit(measured, 2, azimuthal=False, **EVERY_SAMPLE, **options).model
+    measured.planes[:, :, 4] *= 1e-25
+    fitted = quiet_fit(measured, 2, azimuthal=False, **EVERY_SAMPLE, **options).model
+    np.testing.assert_allclose(fitted.kappa[:4], whole.kappa[:4], rtol=0.1)
+    assert np.isfinite(fitted.gamma).all()
+    assert (fitted.eval_angles(0.1, fitted.theta_d[4], 0.3) < 1e-12).all()
+
+
 def constant(value, channels=3, shape=(20, 6, 12)):
     return tabulate(
         lambda wi, wo: np.full((*np.broadcast(wi[..., 0], wo[..., 0]).shape, channels), value),

@@ -54,7 +54,7 @@ class FitStatus(enum.IntEnum):
         """What happened, and what to do about it."""
         return {
             FitStatus.CONVERGED: "converged",
-            FitStatus.MAX_ITERATIONS: "out of iterations; the best so far is kept. Try fewer lobes.",
+            FitStatus.MAX_ITERATIONS: "out of iterations; the best so far is kept. Fewer lobes converge sooner.",
             FitStatus.NO_DATA: "no valid sample, or all are zero: empty slices take the nearest slice's lobes.",
         }[self]
 

@@ -24,6 +24,8 @@ MAX_LOBES = 6
 ALPHA = 0.01
 #: Relative error of a measurement below which differences of shape do not count.
 NOISE = 0.01
+#: Relative changes of the divergence below this are alike in no two slices, however small the residuals.
+LEAST_CHANGE = 0.1
 #: Share of the slices that counts as independent: neighbours are 5 degrees apart and alike.
 INDEPENDENT_SHARE = 0.5
 #: Slices that Williams' test needs at least; with fewer, BIC decides.
@@ -145,7 +147,12 @@ def _by_williams(
         return LobeSelection(max_lobes, "williams", values, statistic, critical)
     # Control first: all lobes; then one, two, ... lobes fewer
     table = loss[:, ::-1]
-    test = williams.from_blocks(table, alpha=alpha, effective_blocks=INDEPENDENT_SHARE * len(table))
+    test = williams.from_blocks(
+        table,
+        alpha=alpha,
+        effective_blocks=INDEPENDENT_SHARE * len(table),
+        least_variance=LEAST_CHANGE**2,
+    )
     statistic[:-1] = test.statistic[::-1]
     critical[:-1] = test.critical_value[::-1]
     lowest = test.minimum_effective_dose

@@ -194,6 +194,7 @@ def from_groups(
         )
     means = np.array([group.mean() for group in groups])
     variance = sum(float(((group - group.mean()) ** 2).sum()) for group in groups) / df
+    variance = max(variance, float(_check.finite(least_variance, "least_variance", low=0.0)))
     design = {"variance": variance, "df": float(df), "control_replicates": float(sizes[0]), "alpha": alpha}
     return williams_test(means[0], means[1:], replicates=sizes[1:], alternative=alternative, **design)
 
@@ -202,6 +203,7 @@ def from_blocks(
     table: ArrayLike,
     *,
     effective_blocks: float | None = None,
+    least_variance: float = 0.0,
     alpha: float = 0.05,
     alternative: Alternative = "greater",
 ) -> WilliamsResult:
@@ -212,6 +214,8 @@ def from_blocks(
     table : (block, treatment) array_like
     effective_blocks : float in (1, blocks], optional
         Number of independent blocks that give treatment means as precise as these, if blocks are correlated.
+    least_variance : float, optional
+        Variance that the estimate is raised to, where residuals are smaller than differences that matter.
     alpha, alternative : as in `williams_test`
 
     Notes
@@ -233,6 +237,7 @@ def from_blocks(
     means = values.mean(axis=0)
     residual = values - means - values.mean(axis=1, keepdims=True) + values.mean()
     variance = float((residual**2).sum()) * n / (b * (n - 1.0) * (t - 1))
+    variance = max(variance, float(_check.finite(least_variance, "least_variance", low=0.0)))
     design = {"variance": variance, "df": max(1.0, (n - 1.0) * (t - 1)), "alpha": alpha}
     return williams_test(means[0], means[1:], replicates=n, alternative=alternative, **design)
 

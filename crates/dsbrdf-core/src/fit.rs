@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::em::{expectation_maximisation, halved_start};
 use crate::follow::{follow, match_channels, sorted};
 use crate::levenberg_marquardt::Stop;
-use crate::lobe::Lobe;
+use crate::lobe::{ABSENT, Lobe};
 use crate::mixture::Mixture;
 use crate::slice::{Loss, Slice};
 use crate::start::grow;
@@ -148,9 +148,6 @@ pub fn best(fits: &[SliceFit]) -> &SliceFit {
         .reduce(|best, fit| if fit.objective < best.objective { fit } else { best })
         .expect("a candidate")
 }
-
-/// What stands for a lobe where there is nothing to fit.
-const ABSENT: Lobe = Lobe { kappa: 1e-12, gamma: 1.0, beta: 0.0 };
 
 fn has_data(slice: &Slice) -> bool {
     slice.mean.iter().any(|&f| f > 0.0)

@@ -34,9 +34,9 @@ pub struct Minimum {
 /// Iterations over which a slow descent is judged.
 const WINDOW: usize = 8;
 const ZERO: f64 = 1e-28;
-const NEGLIGIBLE: f64 = 1e-10;
+const NEGLIGIBLE: f64 = 1e-9;
 /// A descent is slow if less than this share of the cost goes in [`WINDOW`] iterations.
-const SLOW: f64 = 0.2;
+const SLOW: f64 = 0.5;
 /// Unknowns are logarithms and angles: what asks for more than this has next to no effect, and must not hold up
 /// the others.
 const MAX_STEP: f64 = 8.0;
@@ -85,7 +85,8 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
         let actual = cost - new_cost;
         if actual > 0.0 && new_cost.is_finite() {
             x.copy_from_slice(&trial);
-            let tiny = actual.max(predicted) <= 1e-3 * stop.cost * (cost + stop.floor);
+            // A step that is small because it was damped says nothing
+            let tiny = damping < 1.0 && actual.max(predicted) <= 1e-3 * stop.cost * (cost + stop.floor);
             cost = new_cost;
             let judge = (iteration + 1) % WINDOW == 0;
             let least = (stop.cost * (cost + stop.floor)).max((SLOW * cost).min(NEGLIGIBLE * stop.energy));
@@ -102,7 +103,8 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             growth = 2.0;
             rejected = 0;
         } else {
-            if predicted <= 1e-3 * stop.cost * (cost + stop.floor) || rejected > MAX_REJECTED {
+            let tiny = damping < 1.0 && predicted <= 1e-3 * stop.cost * (cost + stop.floor);
+            if tiny || rejected > MAX_REJECTED {
                 return Minimum { cost, iterations: iteration + 1, converged: true };
             }
             damping *= growth;

@@ -13,6 +13,9 @@ pub struct Lobe {
     pub beta: f64,
 }
 
+/// What stands for a lobe where there is nothing to fit.
+pub const ABSENT: Lobe = Lobe { kappa: 1e-12, gamma: 1.0, beta: 0.0 };
+
 impl Lobe {
     /// Value at one angle, given `ln cos(theta_h)`, without the azimuthal term.
     #[must_use]

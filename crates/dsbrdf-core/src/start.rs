@@ -2,7 +2,7 @@
 
 use crate::em::estimate_lobe;
 use crate::levenberg_marquardt::Stop;
-use crate::lobe::{Lobe, values};
+use crate::lobe::{ABSENT, Lobe, values};
 use crate::mixture::Mixture;
 use crate::slice::Slice;
 
@@ -10,21 +10,27 @@ use crate::slice::Slice;
 const PLAIN: [f64; 1] = [0.0];
 const AZIMUTHAL: [f64; 3] = [0.0, 0.9, -0.9];
 
-/// Best fits with 1, 2, ... `n_lobes` lobes, each from the one before plus a lobe at what it leaves.
+/// Best fits with 1, 2, ... `n_lobes` lobes, each from the one before plus a lobe at what it leaves; none is worse
+/// than the one before.
 #[must_use]
 pub fn grow(slice: &Slice, n_lobes: usize, azimuthal: bool, stop: Stop) -> Vec<Vec<Lobe>> {
     let mut fits: Vec<Vec<Lobe>> = Vec::with_capacity(n_lobes);
+    let mut least = f64::INFINITY;
     let betas: &[f64] = if azimuthal { &AZIMUTHAL } else { &PLAIN };
     for k in 1..=n_lobes {
         let last = fits.last().cloned().unwrap_or_default();
         let mut problem = Mixture::new(slice, k, azimuthal);
-        let grown = betas.iter().map(|&beta| {
+        let mut best = last.clone();
+        best.push(ABSENT);
+        for &beta in betas {
             let mut start = last.clone();
             start.push(lobe_at_remainder(slice, &last, beta));
-            problem.fit(&start, stop)
-        });
-        let best = grown.reduce(|best, next| if next.1.cost < best.1.cost { next } else { best });
-        fits.extend(best.map(|(lobes, _)| lobes));
+            let (lobes, minimum) = problem.fit(&start, stop);
+            if minimum.cost < least {
+                (best, least) = (lobes, minimum.cost);
+            }
+        }
+        fits.push(best);
     }
     fits
 }
