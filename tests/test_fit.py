@@ -326,7 +326,7 @@ def test_warns_once_and_points_at_the_caller():
     late = [report for report in fitted.slices if not report.status.ok]
     assert caught[0].message.args[0].startswith(f"{len(late)} of 54 slices")
     assert all(
-        report.status is FitStatus.MAX_ITERATIONS and "fewer lobes" in report.status.message
+        report.status is FitStatus.MAX_ITERATIONS and "Fewer lobes" in report.status.message
         for report in late
     )
     assert np.isfinite(fitted.model.kappa).all()

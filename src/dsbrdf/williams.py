@@ -194,7 +194,6 @@ def from_groups(
         )
     means = np.array([group.mean() for group in groups])
     variance = sum(float(((group - group.mean()) ** 2).sum()) for group in groups) / df
-    variance = max(variance, float(_check.finite(least_variance, "least_variance", low=0.0)))
     design = {"variance": variance, "df": float(df), "control_replicates": float(sizes[0]), "alpha": alpha}
     return williams_test(means[0], means[1:], replicates=sizes[1:], alternative=alternative, **design)
 

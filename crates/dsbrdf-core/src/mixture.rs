@@ -165,7 +165,9 @@ impl LeastSquares for Mixture<'_> {
     }
 
     fn project(&self, x: &mut [f64]) {
-        let limits = [(LN_KAPPA_LOW, self.ln_kappa_high), LN_GAMMA, ASIN_BETA];
+        // Dim slices have low peaks
+        let low = LN_KAPPA_LOW.min(self.ln_kappa_high - 10.0);
+        let limits = [(low, self.ln_kappa_high), LN_GAMMA, ASIN_BETA];
         for x in x.chunks_exact_mut(parameters(self.azimuthal)) {
             for (x, (low, high)) in x.iter_mut().zip(limits) {
                 *x = x.clamp(low, high);
