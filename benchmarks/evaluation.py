@@ -1,6 +1,6 @@
 """How many directions a second a model is evaluated at, beside plain NumPy and a table look-up.
 
-    python benchmarks/evaluation.py [--directions N]
+python benchmarks/evaluation.py [--directions N]
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ def look_up(measured, wi, wo):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--directions", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=7)
     args = parser.parse_args()

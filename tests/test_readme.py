@@ -32,9 +32,14 @@ def test_commands_exist():
         assert CliRunner().invoke(app, [command, "--help"]).exit_code == 0
 
 
-@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md", *sorted(
-    str(p.relative_to(README.parent)) for p in (README.parent / "docs").rglob("*.md")
-)])
+@pytest.mark.parametrize(
+    "document",
+    [
+        "README.md",
+        "CONTRIBUTING.md",
+        *sorted(str(p.relative_to(README.parent)) for p in (README.parent / "docs").rglob("*.md")),
+    ],
+)
 def test_links_lead_somewhere(document):
     path = README.parent / document
     for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", path.read_text(encoding="utf-8")):

@@ -43,9 +43,7 @@ def evaluate_numpy(
     return values.reshape(*wi.shape[:-1], kappa.shape[1])
 
 
-def evaluate_any(
-    wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any = None
-) -> Any:
+def evaluate_any(wi: Any, wo: Any, theta_d: Any, kappa: Any, gamma: Any, beta: Any, spike: Any = None) -> Any:
     """Values (..., channel) at pairs of directions (..., 3), in the library and precision of the arrays."""
     import array_api_compat
 

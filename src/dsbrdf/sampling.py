@@ -2,7 +2,8 @@
 
 A renderer knows one direction only, so theta_d is not known before sampling: half vectors are drawn from the lobes
 of the slice nearest to the angle of that direction, channels averaged, and `pdf` describes just that sampler. The
-azimuthal term is left to the weight. A spike is one more lobe. A share of cosine-weighted directions covers what lobes leave out.
+azimuthal term is left to the weight. A spike is one more lobe. A share of cosine-weighted directions covers what
+lobes leave out.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ MIN_KAPPA = 1e-9
 def _slice_lobes(
     model: DSBRDF,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """kappa and gamma (theta_d, lobe) of the lobes that are sampled, and the probability of each and of the spike."""
+    """Return kappa, gamma (theta_d, lobe) of the lobes that are sampled, and the probability of each and of the spike."""
     kappa = np.maximum(np.asarray(model.kappa).mean(1), MIN_KAPPA)
     gamma = np.asarray(model.gamma).mean(1)
     of_lobes = np.exp(-hemi_epd.log_normaliser(kappa, gamma))

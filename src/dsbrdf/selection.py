@@ -76,8 +76,8 @@ def divergence(
     p = measured / np.maximum(measured.sum(-1, keepdims=True), tiny)
     q = model / np.maximum(model.sum(-1, keepdims=True), tiny)
     terms = np.where(p > 0.0, p * np.log(np.maximum(p, tiny) / np.maximum(q, tiny)), 0.0)
-    total: NDArray[np.float64] = terms.sum(-1)
-    return total
+    nats: NDArray[np.float64] = terms.sum(-1)
+    return nats
 
 
 def select_lobes(

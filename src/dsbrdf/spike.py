@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import metrics
 from dsbrdf.slices import MIN_THETA_H, SliceProfile, stack_profiles
@@ -24,12 +24,12 @@ MIN_SHARE = 0.1
 MIN_GAIN = 0.5
 
 
-def cap(sin2: NDArray[np.float64]) -> NDArray[np.float64]:
+def cap(sin2: ArrayLike) -> NDArray[np.float64]:
     """Shape of a spike at `sin(theta_h)^2`: 1 at the pole, falling in proportion to 0 at one degree."""
     return np.maximum(1.0 - np.asarray(sin2) / SIN2_WIDTH, 0.0)
 
 
-def solid_angle_density(sin2: NDArray[np.float64]) -> NDArray[np.float64]:
+def solid_angle_density(sin2: ArrayLike) -> NDArray[np.float64]:
     """Density over solid angle, in 1/sr, of half vectors drawn by `sample_sin2`."""
     return 2.0 / SIN2_WIDTH * cap(sin2) * np.sqrt(np.maximum(1.0 - np.asarray(sin2), 0.0)) / np.pi
 
@@ -65,7 +65,9 @@ def spike_heights(
     lobes, _ = metrics.profile_model(theta_h, theta_d, kappa, gamma, np.zeros_like(kappa))
     missing = np.where(count > 0.0, mean - lobes, 0.0)
     weight = (count * shape**2).sum(-1)
-    height = np.divide((count * shape * missing).sum(-1), weight, out=np.zeros_like(weight), where=weight > 0.0)
+    height = np.divide(
+        (count * shape * missing).sum(-1), weight, out=np.zeros_like(weight), where=weight > 0.0
+    )
     height = np.maximum(height, 0.0)
 
     before = float((count * missing**2).sum())
