@@ -22,8 +22,8 @@ class DSBRDF:
     """A reflectance as lobes whose parameters are given at some theta_d.
 
     The value is the sum over lobes of `expm1(kappa cos(theta_h)^gamma) (1 + beta g cos(2 phi_d))`, with g of
-    `dsbrdf.half_diff.azimuthal_factor`, and the spike, in 1/sr and without the cosine. Between slices the values of the two
-    nearest are interpolated linearly in theta_d; beyond the first and the last slice that one's hold.
+    `dsbrdf.half_diff.azimuthal_factor`, and the spike, in 1/sr and without the cosine. Between slices the values
+    of the two nearest are interpolated linearly in theta_d; beyond the first and the last slice that one's hold.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class DSBRDF:
     beta: Any
     spike: Any = None
     name: str = ""
-    source: Source = Source()
+    source: Source = field(default_factory=Source)
     fit_options: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
 

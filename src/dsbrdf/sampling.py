@@ -29,7 +29,7 @@ MIN_KAPPA = 1e-9
 def _slice_lobes(
     model: DSBRDF,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return kappa, gamma (theta_d, lobe) of the lobes that are sampled, and the probability of each and of the spike."""
+    """Return kappa and gamma (theta_d, lobe) of the lobes, and the probability of each and of the spike."""
     kappa = np.maximum(np.asarray(model.kappa).mean(1), MIN_KAPPA)
     gamma = np.asarray(model.gamma).mean(1)
     of_lobes = np.exp(-hemi_epd.log_normaliser(kappa, gamma))
