@@ -9,6 +9,15 @@ from dsbrdf import DSBRDF, ConvergenceWarning, fit, materials, tabulate
 from dsbrdf.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.slices import slice_mask, slice_rows
 
+# Lobes that can be told apart: kappa, gamma, beta
+KNOWN = {
+    1: ([0.8], [3.0], [0.3]),
+    2: ([2.0, 0.3], [200.0, 1.0], [0.5, -0.4]),
+    3: ([3.0, 1.0, 0.2], [1500.0, 40.0, 0.7], [-0.6, 0.4, 0.2]),
+}
+#: Options of a fit that leave out none of its six slices' samples, but for those near the pole
+EVERY_SAMPLE = {"n_slices": 6, "perimeter_mask": False}
+
 
 @lru_cache
 def built_in(name, shape=(90, 18, 36)):
@@ -63,3 +72,8 @@ def sums_of_squares(fitted):
     """Sum of squares over all samples of each slice and channel, channel fastest, by brute force."""
     pairs = [slice_samples(fitted, index) for index in range(len(fitted.profiles))]
     return np.concatenate([np.nansum((samples - values) ** 2, axis=1) for samples, values in pairs])
+
+
+def known(n_lobes, azimuthal):
+    kappa, gamma, beta = map(np.array, KNOWN[n_lobes])
+    return lobes(kappa, gamma, beta * azimuthal)

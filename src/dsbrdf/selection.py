@@ -27,7 +27,7 @@ NOISE = 0.01
 #: Relative changes of the divergence below this are alike in no two slices, however small the residuals.
 LEAST_CHANGE = 0.1
 #: Share of the slices that counts as independent: neighbours are 5 degrees apart and alike.
-INDEPENDENT_SHARE = 0.5
+INDEPENDENT_SHARE = 1.0 / 3.0
 #: Slices that Williams' test needs at least; with fewer, BIC decides.
 MIN_BLOCKS = 6
 CRITERIA = ("williams", "bic", "held-out")

@@ -6,8 +6,8 @@ pub trait LeastSquares {
     fn cost(&mut self, x: &[f64]) -> f64;
     /// Gradient and (row-major, full) Gauss-Newton Hessian at the last `x` that `cost` was asked for.
     fn linearise(&mut self, hessian: &mut [f64], gradient: &mut [f64]);
-    /// Moves `x` into the allowed range.
-    fn project(&self, x: &mut [f64]);
+    /// Least and greatest value of unknown `i`.
+    fn limits(&self, i: usize) -> (f64, f64);
 }
 
 /// When to stop.
@@ -52,7 +52,11 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
     let mut step = vec![0.0; p];
     let mut trial = vec![0.0; p];
 
-    problem.project(x);
+    let limits: Vec<(f64, f64)> = (0..p).map(|i| problem.limits(i)).collect();
+    let mut held = vec![false; p];
+    for (x, &(low, high)) in x.iter_mut().zip(&limits) {
+        *x = x.clamp(low, high);
+    }
     let mut cost = problem.cost(x);
     problem.linearise(&mut hessian, &mut gradient);
     let (mut damping, mut growth) = (1e-3, 2.0);
@@ -62,7 +66,11 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
         if cost <= ZERO * stop.energy {
             return Minimum { cost, iterations: iteration, converged: true };
         }
-        if !solve_damped(&hessian, &gradient, damping, &mut factor, &mut step) {
+        // Unknowns that would leave the allowed range stay where they are, so that the others move freely
+        for (i, &(low, high)) in limits.iter().enumerate() {
+            held[i] = (x[i] <= low && gradient[i] > 0.0) || (x[i] >= high && gradient[i] < 0.0);
+        }
+        if !solve_damped(&hessian, &gradient, &held, damping, &mut factor, &mut step) {
             damping *= growth;
             growth *= 2.0;
             rejected += 1;
@@ -71,11 +79,10 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             }
             continue;
         }
-        for ((trial, &x), step) in trial.iter_mut().zip(x.iter()).zip(&mut step) {
-            *step = step.clamp(-MAX_STEP, MAX_STEP);
-            *trial = x - *step;
+        for (i, &(low, high)) in limits.iter().enumerate() {
+            step[i] = step[i].clamp(-MAX_STEP, MAX_STEP);
+            trial[i] = (x[i] - step[i]).clamp(low, high);
         }
-        problem.project(&mut trial);
 
         // Decrease of the quadratic model: (step . gradient + damping |step|_D^2) / 2
         let predicted: f64 = (0..p)
@@ -120,12 +127,21 @@ fn scale(diagonal: f64) -> f64 {
     diagonal.max(1e-30)
 }
 
-/// Solves `(H + damping D) step = gradient` by Cholesky; false if not positive definite.
-fn solve_damped(hessian: &[f64], gradient: &[f64], damping: f64, l: &mut [f64], step: &mut [f64]) -> bool {
+/// Solves `(H + damping D) step = gradient` by Cholesky, with no step of `held` unknowns; false if not positive
+/// definite.
+fn solve_damped(
+    hessian: &[f64],
+    gradient: &[f64],
+    held: &[bool],
+    damping: f64,
+    l: &mut [f64],
+    step: &mut [f64],
+) -> bool {
     let p = gradient.len();
     for i in 0..p {
         for j in 0..=i {
-            let mut sum = hessian[i * p + j];
+            let free = !held[i] && !held[j];
+            let mut sum = if free { hessian[i * p + j] } else { f64::from(i == j) };
             if i == j {
                 sum += damping * scale(sum);
             }
@@ -144,7 +160,8 @@ fn solve_damped(hessian: &[f64], gradient: &[f64], damping: f64, l: &mut [f64], 
     }
     for i in 0..p {
         let sum: f64 = (0..i).map(|k| l[i * p + k] * step[k]).sum();
-        step[i] = (gradient[i] - sum) / l[i * p + i];
+        let gradient = if held[i] { 0.0 } else { gradient[i] };
+        step[i] = (gradient - sum) / l[i * p + i];
     }
     for i in (0..p).rev() {
         let sum: f64 = (i + 1..p).map(|k| l[k * p + i] * step[k]).sum();
@@ -157,9 +174,9 @@ fn solve_damped(hessian: &[f64], gradient: &[f64], damping: f64, l: &mut [f64], 
 mod tests {
     use super::*;
 
-    #[derive(Default)]
     struct Rosenbrock {
         at: [f64; 2],
+        high: f64,
     }
 
     impl Rosenbrock {
@@ -184,14 +201,16 @@ mod tests {
                 }
             }
         }
-        fn project(&self, _: &mut [f64]) {}
+        fn limits(&self, _: usize) -> (f64, f64) {
+            (-10.0, self.high)
+        }
     }
 
     #[test]
     fn finds_the_minimum_of_rosenbrock() {
         let mut x = [-1.2, 1.0];
         let stop = Stop { max_iterations: 200, cost: 1e-15, floor: 0.0, energy: 1e-2 };
-        let minimum = minimise(&mut Rosenbrock::default(), &mut x, stop);
+        let minimum = minimise(&mut Rosenbrock { at: [0.0; 2], high: 10.0 }, &mut x, stop);
         assert!(minimum.converged);
         assert!((x[0] - 1.0).abs() < 1e-10 && (x[1] - 1.0).abs() < 1e-10, "{x:?}");
     }
@@ -199,6 +218,15 @@ mod tests {
     #[test]
     fn says_when_it_ran_out_of_steps() {
         let stop = Stop { max_iterations: 2, cost: 1e-15, floor: 0.0, energy: 0.0 };
-        assert!(!minimise(&mut Rosenbrock::default(), &mut [-1.2, 1.0], stop).converged);
+        assert!(!minimise(&mut Rosenbrock { at: [0.0; 2], high: 10.0 }, &mut [-1.2, 1.0], stop).converged);
+    }
+
+    #[test]
+    fn slides_along_a_limit() {
+        // With x, y <= 0.5 the least is at x = 0.5, y = x^2
+        let mut x = [-1.2, 0.4];
+        let stop = Stop { max_iterations: 200, cost: 1e-15, floor: 0.0, energy: 1e-2 };
+        assert!(minimise(&mut Rosenbrock { at: [0.0; 2], high: 0.5 }, &mut x, stop).converged);
+        assert!((x[0] - 0.5).abs() < 1e-12 && (x[1] - 0.25).abs() < 1e-9, "{x:?}");
     }
 }

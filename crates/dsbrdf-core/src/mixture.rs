@@ -164,15 +164,10 @@ impl LeastSquares for Mixture<'_> {
         normal_equations(&self.jacobian, &self.residual, hessian, gradient);
     }
 
-    fn project(&self, x: &mut [f64]) {
+    fn limits(&self, i: usize) -> (f64, f64) {
         // Dim slices have low peaks
         let low = LN_KAPPA_LOW.min(self.ln_kappa_high - 10.0);
-        let limits = [(low, self.ln_kappa_high), LN_GAMMA, ASIN_BETA];
-        for x in x.chunks_exact_mut(parameters(self.azimuthal)) {
-            for (x, (low, high)) in x.iter_mut().zip(limits) {
-                *x = x.clamp(low, high);
-            }
-        }
+        [(low, self.ln_kappa_high), LN_GAMMA, ASIN_BETA][i % parameters(self.azimuthal)]
     }
 }
 

@@ -32,8 +32,8 @@ def draw(rows: Sequence[Row]) -> Figure:
         floor = [row.bivariate_floor for row in rows]
         axes.vlines(x, floor, ours, color="#c9c9c9", lw=1.6, zorder=1)
         for key, marker, colour, size, label in (
-            ("bivariate_floor", "_", "#222222", 6.0, "bivariate floor"),
-            ("monotone_floor", "_", "#56b4e9", 6.0, "monotone floor"),
+            ("bivariate_floor", "_", "#222222", 7.5, "bivariate floor"),
+            ("monotone_floor", "_", "#56b4e9", 5.0, "monotone floor"),
             ("torrance_sparrow", "x", colours[4], 3.6, "Lambert + 2 Torrance-Sparrow"),
             ("with_term", "^", colours[2], 3.2, "the model with azimuthal term"),
             ("rel_rms", "o", colours[5], 4.0, "the paper's model, lobes chosen"),

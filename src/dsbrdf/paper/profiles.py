@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["distributions", "lobe_profiles", "slice_profiles"]
 
 KAPPAS = (1.0, 3.0, 6.0)
-GAMMAS = (0.5, 2.0, 10.0)
+GAMMAS = (0.2, 1.0, 4.0)
 #: Materials of Fig. 2, which the paper does not name, and of Fig. 3.
 FIG2 = ("nickel", "specular-blue-phenolic", "color-changing-paint3", "orange-paint")
 FIG3 = ("color-changing-paint3", "teflon")
@@ -39,15 +39,16 @@ def distributions() -> Figure:
         figure = Figure(figsize=(8.8, 3.6))
         figure.subplots_adjust(left=0.08, right=0.985, top=0.9, bottom=0.15, wspace=0.16)
         left, right = figure.subplots(1, 2)
+        dashes = ("-", "--", ":")
         for kappa, colour in zip(KAPPAS, plot.CHANNEL_COLOURS, strict=True):
             both = hemi_epd.von_mises_fisher_pdf(theta, kappa)
             _mirrored(left, theta, both, color=colour, label=rf"$\kappa$ = {kappa:g}")
-            for gamma, dash in zip(GAMMAS, ("-", "--", ":"), strict=True):
-                label = rf"$\kappa$ = {kappa:g}, $\gamma$ = {gamma:g}"
-                values = hemi_epd.pdf(half, kappa, gamma)
-                _mirrored(right, half, values, color=colour, ls=dash, label=label)
+            for gamma, dash in zip(GAMMAS, dashes, strict=True):
+                _mirrored(right, half, hemi_epd.pdf(half, kappa, gamma), color=colour, ls=dash)
+        for gamma, dash in zip(GAMMAS, dashes, strict=True):
+            right.plot([], [], dash, color=plot.INK, label=rf"$\gamma$ = {gamma:g}")
         left.set_title("(a) von Mises-Fisher, on the whole sphere")
-        right.set_title("(b) hemi-EPD, on the hemisphere")
+        right.set_title("(b) hemi-EPD, on the hemisphere; colours as in (a)")
         for axes, limit, step in ((left, 180, 60), (right, 90, 30)):
             axes.set_xlim(-limit, limit)
             axes.set_xticks(range(-limit, limit + 1, step))
@@ -63,7 +64,9 @@ def distributions() -> Figure:
 
 def _mirrored(axes: Any, theta: Any, values: Any, **style: Any) -> None:
     degrees = np.rad2deg(theta)
-    axes.plot(np.concatenate([-degrees[::-1], degrees]), np.concatenate([values[::-1], values]), lw=1.5, **style)
+    axes.plot(
+        np.concatenate([-degrees[::-1], degrees]), np.concatenate([values[::-1], values]), lw=1.5, **style
+    )
 
 
 def lobe_profiles(tables: Tables) -> Figure:
@@ -83,7 +86,12 @@ def lobe_profiles(tables: Tables) -> Figure:
             column[0].set_title(f"{fit.model.name}, error {_slice_error(fit, 0)}")
             for axes in column:
                 _finish(axes, fit, plane)
-        _label(figure, grid, ("(a) BRDF (1/sr)", "(b) lobes, brightest channel"))
+            column[0].set_yscale("linear")
+            # The spike may be far above all that was fitted
+            fitted = plane.values[:, np.abs(plane.theta_h) >= np.rad2deg(fit.options["min_theta_h"])]
+            column[0].set_ylim(0.0, 1.1 * max(np.nanmax(fitted), np.nanmax(plane.curves)))
+            column[0].tick_params(labelbottom=False)
+        _label(figure, grid, ("(a) BRDF (1/sr)", "(b) lobes of the brightest channel"))
     return figure
 
 
@@ -96,7 +104,7 @@ def slice_profiles(tables: Tables) -> Figure:
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG3, len(FIG3))]
     with matplotlib.rc_context(plot.STYLE):
         figure, grid = plot._grid(len(fits), len(THETA_D), left=0.75, right=1.35, top=0.45, bottom=0.55)
-        figure.subplots_adjust(hspace=0.3)
+        figure.subplots_adjust(hspace=0.28)
         for row, fit in zip(grid, fits, strict=True):
             shown = plot._shown_rows(fit, [float(angle) for angle in np.deg2rad(THETA_D)])
             for axes, index in zip(row, shown, strict=False):
@@ -104,10 +112,10 @@ def slice_profiles(tables: Tables) -> Figure:
                 plot._draw_channels(axes, plane)
                 _finish(axes, fit, plane)
                 nearest = int(np.abs(fit.model.theta_d - plane.theta_d).argmin())
-                title = rf"{fit.model.name}, $\theta_d$ = {np.rad2deg(plane.theta_d):.1f}°"
-                axes.set_title(f"{title}, error {_slice_error(fit, nearest)}")
-                axes.tick_params(labelbottom=True)
-        _label(figure, grid, ["BRDF (1/sr)"] * len(fits))
+                axes.set_title(
+                    rf"$\theta_d$ = {np.rad2deg(plane.theta_d):.1f}°, error {_slice_error(fit, nearest)}"
+                )
+        _label(figure, grid, [f"{fit.model.name}, BRDF (1/sr)" for fit in fits])
     return figure
 
 
@@ -120,8 +128,7 @@ def _slice_error(fit: Fit, index: int) -> str:
 def _finish(axes: Any, fit: Fit, plane: Any) -> None:
     from dsbrdf import plot
 
-    inside = plane.values[:, np.abs(plane.theta_h) >= np.rad2deg(fit.options["min_theta_h"])]
-    plot._decades(axes, inside[np.isfinite(inside)])
+    plot._decades(axes, plane.values[np.isfinite(plane.values)])
     plot._root_axis(axes)
     plot._shade_unfitted(axes, fit, plane.theta_d)
     axes.grid(True)

@@ -148,7 +148,9 @@ def draw(curves: Sequence[Curve]) -> Figure:
             axes.set_xlabel(r"subsampling factor of $\theta_h$")
             axes.set_title("without noise" if noise == 0.0 else f"with {100 * noise:g} % noise")
             axes.grid(True)
-            axes.set_xticks([factor for factor in curves[0].factors if factor in (1, 2, 4, 6, 8, 10, 12, 14, 16)])
+            axes.set_xticks(
+                [factor for factor in curves[0].factors if factor in (1, 2, 4, 6, 8, 10, 12, 14, 16)]
+            )
         grid[0].set_ylabel("relative RMS error")
         handles, labels = grid[0].get_legend_handles_labels()
         for text, style in (("the model", "-"), ("linear interpolation", "--")):

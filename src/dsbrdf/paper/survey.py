@@ -108,7 +108,11 @@ class Shapes:
 
 
 def compare_shapes(
-    tables: Tables, progress: Callable[[str], None], *, n: int = N_SAMPLE, n_lobes: Sequence[int] = SAMPLE_LOBES
+    tables: Tables,
+    progress: Callable[[str], None],
+    *,
+    n: int = N_SAMPLE,
+    n_lobes: Sequence[int] = SAMPLE_LOBES,
 ) -> Shapes:
     """Fit both shapes of lobes to an even sample of the materials."""
     result = Shapes(tables.sample(n), n_lobes, [], [], [])

@@ -1,0 +1,112 @@
+"""The paper's figures and claims on any set of materials: what `dsbrdf paper` runs.
+
+`run` makes the figures as the paper draws them, a table of all materials, and a report that puts each claim
+beside our number. Figures need the extra `[plot]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dsbrdf.paper.tables import Tables
+
+__all__ = ["WHAT", "n_steps", "run"]
+
+#: What there is to make.
+WHAT = ("all", "fig1", "fig2", "fig3", "fig5", "fig6", "table")
+
+
+def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None] | None = None) -> list[Path]:
+    """Make figures, the table, or everything with the report.
+
+    Parameters
+    ----------
+    what : {"all", "fig1", "fig2", "fig3", "fig5", "fig6", "table"}
+        "table" writes `table.md` and `table.csv`; "all" also `report.md`.
+    data : Path or None
+        Folder with MERL .binary files; other files in it are passed over. The built-in materials by default.
+    out : Path
+        Folder to write to; made if it does not exist.
+    progress : callable, optional
+        Told what comes next, `n_steps` times.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    ValueError
+        If `what` is unknown, or the folder has no readable .binary file.
+    ModuleNotFoundError
+        If a figure is wanted and matplotlib is missing; then nothing is written.
+    OSError
+        If a file cannot be written.
+    """
+    return _run(what, _open(what, data), Path(out), progress or (lambda _: None))
+
+
+def n_steps(what: str, data: Path | None) -> int:
+    """How often `run` with these arguments calls `progress`; the same errors."""
+    from dsbrdf.paper.survey import N_SAMPLE
+
+    if what in ("fig1", "fig2", "fig3"):
+        return 1
+    n = len(_open(what, data).names)
+    curves = min(n, 3)
+    return {"table": n, "fig5": n, "fig6": curves, "all": 3 + n + curves + min(n, N_SAMPLE)}[what]
+
+
+def _open(what: str, data: Path | None) -> Tables:
+    from dsbrdf.paper.tables import open_tables
+
+    if what not in WHAT:
+        raise ValueError(f"'what' must be one of {', '.join(map(repr, WHAT))}, got {what!r}.")
+    return open_tables(None if data is None else Path(data))
+
+
+def _run(what: str, tables: Tables, out: Path, progress: Callable[[str], None]) -> list[Path]:
+    from dsbrdf.paper import accuracy, claims, profiles, report, subsampling, survey
+
+    if what != "table":
+        from dsbrdf import plot
+    written: list[Path] = []
+
+    def wanted(*names: str) -> bool:
+        return what in ("all", *names)
+
+    def keep(name: str) -> Path:
+        written.append(out / name)
+        return written[-1]
+
+    makers: dict[str, Callable[[], Figure]] = {
+        "fig1": profiles.distributions,
+        "fig2": lambda: profiles.lobe_profiles(tables),
+        "fig3": lambda: profiles.slice_profiles(tables),
+    }
+    for name, make in makers.items():
+        if wanted(name):
+            progress(name)
+            plot.write_figure(make(), keep(f"{name}.png"))
+    if wanted("fig5", "table"):
+        rows = survey.survey(tables, progress)
+    if wanted("fig5"):
+        plot.write_figure(accuracy.draw(rows), keep("fig5.png"))
+    if wanted("fig6"):
+        curves = subsampling.subsample(tables, progress)
+        plot.write_figure(subsampling.draw(curves), keep("fig6.png"))
+    figures = list(written)
+    if wanted("table"):
+        report.write_table(rows, keep("table.md"), tables.title)
+        survey.write_csv(rows, keep("table.csv"))
+    if what == "all":
+        shapes = survey.compare_shapes(tables, progress)
+        findings = claims.judge(rows, curves, shapes)
+        report.write_report(keep("report.md"), tables, rows, curves, findings, figures)
+    return written
