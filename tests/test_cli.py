@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 
 import dsbrdf
-from dsbrdf import cli, report
+from dsbrdf import batch, cli, report
 
 SRC = Path(dsbrdf.__file__).parents[1]
 ERRORS = {"rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor", "log_rms"}
 HEAVY = {"matplotlib", "scipy", "rich.table", "dsbrdf.plot", "dsbrdf.report"}
-# The package's attribute `fit` is the function
-fit_module = sys.modules["dsbrdf.fit"]
 
 
 @pytest.fixture(scope="session")
@@ -49,12 +47,10 @@ def run(capsys):
 @pytest.fixture
 def replace_fit(monkeypatch):
     """Call with a function to stand in for `dsbrdf.fit`; it gets the real one as first argument."""
-    real = fit_module.fit
+    real = batch.fit
 
     def replace(stand_in):
-        monkeypatch.setattr(
-            fit_module, "fit", lambda measured, **options: stand_in(real, measured, **options)
-        )
+        monkeypatch.setattr(batch, "fit", lambda measured, **options: stand_in(real, measured, **options))
 
     return replace
 
@@ -119,17 +115,31 @@ def test_fit_prints_a_table(run, gold_file):
     ]
 
 
+def test_fit_of_one_material_says_why_so_many_lobes(run, gold_file):
+    _, out, _ = run("fit", gold_file)
+    selection = dsbrdf.fit(dsbrdf.read(gold_file)).selection
+    table = out[out.index("verdict") :].splitlines()[2:]
+    rows = [line.split(maxsplit=4) for line in table if line.strip()]
+    assert [row[0] for row in rows] == [str(k + 1) for k in range(selection.max_lobes)]
+    assert [row[1] for row in rows] == [f"{value:.3f}" for value in selection.values]
+    assert [row[2] for row in rows[:-1]] == [f"{value:.2f}" for value in selection.statistic[:-1]]
+    assert [row[0] for row in rows if row[4].startswith("chosen")] == [str(selection.n_lobes)]
+    assert "verdict" not in run("fit", gold_file, gold_file)[1]
+    assert "verdict" not in run("fit", gold_file, "--lobes", 2)[1]
+
+
 def test_fit_prints_json(run, gold_file, tmp_path):
     status, out, err = run("fit", gold_file, "--json", "-o", tmp_path)
     assert status == 0
     assert not err
     (line,) = out.splitlines()
     content = json.loads(line)
-    assert set(content) == {"name", "n_lobes", "seconds", "model"} | ERRORS
+    assert set(content) == {"name", "n_lobes", "seconds", "model", "criterion"} | ERRORS
     assert content["model"] == str(tmp_path / "gold.json")
     expected = dsbrdf.fit(dsbrdf.read(gold_file))
     assert content["rel_rms"] == expected.errors.rel_rms
     assert content["log_rms"] == expected.log_rms
+    assert content["criterion"] == expected.selection.values.tolist()
     model = dsbrdf.load(tmp_path / "gold.json")
     np.testing.assert_array_equal(model.kappa, expected.model.kappa)
     assert files_in(tmp_path) == ["gold.json"]
@@ -200,7 +210,7 @@ def test_info_tells_what_a_model_holds(run, gold_file, tmp_path):
 def test_plots_lie_beside_the_model(run, gold_file, tmp_path):
     status, _, _ = run("fit", gold_file, "-o", tmp_path, "--plot")
     assert status == 0
-    assert files_in(tmp_path) == ["gold-parameters.png", "gold.json", "gold.png"]
+    assert files_in(tmp_path) == ["gold-parameters.png", "gold-selection.png", "gold.json", "gold.png"]
 
 
 def test_warnings_take_one_line(run, gold_file, replace_fit):
@@ -308,7 +318,7 @@ def test_interruption_keeps_what_is_done(run, gold_file, tmp_path, replace_fit):
     assert status == 130
     assert err == ["dsbrdf: interrupted"]
     assert "\ngold " in out
-    assert files_in(tmp_path / "models") == ["gold.json"]
+    assert files_in(tmp_path / "models") == sorted(["gold.json", batch.RECORD, *batch.TABLES])
 
 
 def test_a_reader_that_goes_away(gold_file):
@@ -358,7 +368,7 @@ def test_an_error_of_ours_takes_one_line_too(run, gold_file, replace_fit):
     status, _, err = run("fit", gold_file)
     assert status == 1
     assert len(err) == 1
-    assert err[0].startswith("dsbrdf: error: unexpected ZeroDivisionError: division by zero.")
+    assert err[0].startswith(f"dsbrdf: error: {gold_file}: unexpected ZeroDivisionError: division by zero.")
 
 
 @pytest.mark.parametrize("position", [0, 2])

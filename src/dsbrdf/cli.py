@@ -10,18 +10,15 @@ import contextlib
 import errno
 import os
 import sys
+import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from dsbrdf.fit import Fit
-    from dsbrdf.measured.brdf import MeasuredBRDF
 
 __all__ = ["app", "main"]
 
@@ -47,20 +44,25 @@ class _State:
     """What all commands share: whether to show tracebacks, and what is being worked on, for warnings."""
 
     debug: bool = False
-    about: str = ""
+    # Threads work on different files
+    work: threading.local = field(default_factory=threading.local)
+
+    def begin(self, about: str) -> None:
+        """Note what this thread is working on."""
+        self.work.about = about
 
     def announce(self, step: Callable[[str], None]) -> Callable[[str], None]:
         """`step`, and a note of what is being worked on."""
 
         def both(about: str) -> None:
-            self.about = about
+            self.begin(about)
             step(about)
 
         return both
 
     def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
-        about = f"{self.about}: " if self.about else ""
-        _say(f"warning: {about}{message}")
+        about = getattr(self.work, "about", "")
+        _say(f"warning: {about}{': ' if about else ''}{message}")
 
 
 def _say(text: str) -> None:
@@ -118,18 +120,10 @@ def _report(error: BaseException) -> int:
         context = getattr(error, "ctx", None)
         _say(f"error: {usage().rstrip('.')}. Try '{context.command_path if context else 'dsbrdf'} --help'.")
         return int(getattr(error, "exit_code", 2))
-    _say(f"error: {_describe(error)}")
+    from dsbrdf import batch
+
+    _say(f"error: {batch.describe(error)}")
     return 1
-
-
-def _describe(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'standard output'}: {error.strerror}."
-    if isinstance(error, OSError | ValueError | ImportError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "out of memory."
-    return f"unexpected {type(error).__name__}: {error}. Please report it, with what --debug prints."
 
 
 def _discard_output() -> None:
@@ -209,9 +203,12 @@ def fit(
     slices: Annotated[int, typer.Option(min=1, help="Slices in theta_d; 18 is every 5 degrees.")] = 18,
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
+    ] = False,
 ) -> None:
     """Fit measured BRDFs; print how good the fits are."""
-    from dsbrdf import report
+    from dsbrdf import batch, report
 
     if plot and out is None:
         raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
@@ -223,23 +220,35 @@ def fit(
     if paper:
         options |= {"azimuthal": False, "order": "kappa"}
     state: _State = context.obj
-    problems: list[str] = []
-    targets = _targets(files, state, problems)
-    summaries: list[dict[str, Any]] = []
+    targets, failures = batch.expand(files, strict=state.debug)
+    is_batch = len(files) > 1 or targets != files
+    results: list[batch.Outcome] = []
+
+    def done(outcome: batch.Outcome) -> None:
+        (failures if outcome.summary is None else results).append(outcome)
+        if as_json and outcome.summary is not None:
+            print(report.json_line(report.with_path(outcome)), flush=True)
+
     try:
         with report.progress(len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
-            for result, path in _fits(targets, options, out, state, problems, state.announce(step)):
-                if path is not None:
-                    _write(result, path, plot)
-                summaries.append({**result.summary(), "model": None if path is None else str(path)})
-                if as_json:
-                    print(report.json_line(summaries[-1]), flush=True)
+            batch.fit_many(
+                targets,
+                out,
+                record=is_batch,
+                force=force,
+                strict=state.debug,
+                plots=plot,
+                step=step,
+                begin=state.begin,
+                done=done,
+                **options,
+            )
     finally:
-        if summaries and not as_json:
-            report.print_fits(summaries, out)
-        for problem in problems:
-            _say(f"error: {problem}")
-    if problems:
+        if results and not as_json:
+            report.print_outcomes(results, out, is_batch=is_batch)
+        for failure in failures:
+            _say(f"error: {failure.status}")
+    if failures:
         raise typer.Exit(1)
 
 
@@ -263,94 +272,6 @@ def _lobe_count(text: str) -> int | str:
             f"expected a number from 1 to {MAX_LOBES}, or auto, got {text!r}.", param_hint="'--lobes'"
         )
     return int(text)
-
-
-def _targets(files: Sequence[str], state: _State, problems: list[str]) -> list[str]:
-    """Files and names of materials, with folders replaced by the .binary files in them."""
-    targets: list[str] = []
-    for file in files:
-        path = Path(file)
-        with _collect(problems, file, state):
-            if not path.is_dir():
-                targets.append(file)
-                continue
-            inside = sorted(str(entry) for entry in path.iterdir() if _is_table(entry))
-            if not inside:
-                raise ValueError(f"{file}: no .binary file in this folder.")
-            targets += inside
-    return targets
-
-
-def _is_table(path: Path) -> bool:
-    return path.suffix.lower() == ".binary" and not path.is_dir()
-
-
-def _fits(
-    targets: Sequence[str],
-    options: dict[str, Any],
-    out: Path | None,
-    state: _State,
-    problems: list[str],
-    step: Callable[[str], None],
-) -> Iterator[tuple[Fit, Path | None]]:
-    """Fit after fit, and where its model is to be written; what cannot be fitted goes to `problems`."""
-    from dsbrdf.fit import fit as fit_brdf
-
-    taken: dict[Path, str] = {}
-    for target in targets:
-        step(target)
-        result, path = None, None
-        with _collect(problems, target, state):
-            measured = _open(target)
-            if out is not None:
-                path = out / f"{measured.name}.json"
-                if path in taken:
-                    raise ValueError(f"{path} is already the model of {taken[path]}. Give it another folder.")
-            result = fit_brdf(measured, **options)
-        if result is not None:
-            if path is not None:
-                taken[path] = target
-            yield result, path
-
-
-def _open(target: str) -> MeasuredBRDF:
-    """The measured file, or else the built-in material, that the user named."""
-    from dsbrdf import materials
-    from dsbrdf.measured import read
-
-    if Path(target).exists():
-        return read(target)
-    if target in materials.names():
-        return materials.material(target)
-    if Path(target).suffix or Path(target).name != target:
-        raise ValueError(f"{target}: no such file.")
-    try:
-        return materials.material(target)
-    except ValueError as error:
-        raise ValueError(f"{target}: no such file; {error}") from None
-
-
-def _write(result: Fit, path: Path, plot: bool) -> None:
-    result.model.save(path)
-    if plot:
-        from dsbrdf import plot as figures
-
-        figures.write_figure(figures.fit_figure(result), path.with_name(f"{path.stem}.png"))
-        figures.write_figure(
-            figures.parameter_figure(result.model), path.with_name(f"{path.stem}-parameters.png")
-        )
-
-
-@contextlib.contextmanager
-def _collect(problems: list[str], about: str, state: _State) -> Iterator[None]:
-    """Note what is wrong with one file, and go on."""
-    try:
-        yield
-    except (OSError, ValueError) as error:
-        if state.debug:
-            raise
-        text = _describe(error)
-        problems.append(text if about in text else f"{about}: {text}")
 
 
 def _check_folder(folder: Path) -> None:

@@ -16,10 +16,12 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from dsbrdf.batch import Outcome
     from dsbrdf.demo import DemoRow
     from dsbrdf.model import DSBRDF
+    from dsbrdf.selection import LobeSelection
 
-__all__ = ["json_line", "print_demo", "print_fits", "print_model", "progress"]
+__all__ = ["json_line", "print_demo", "print_fits", "print_model", "print_outcomes", "progress", "with_path"]
 
 #: What the columns of the tables of fits mean.
 FLOORS = (
@@ -54,8 +56,57 @@ def _errors(numbers: Mapping[str, Any]) -> list[str]:
     return [_percent(numbers[key]) for key in keys]
 
 
-def print_fits(summaries: Sequence[Mapping[str, Any]], out: Path | None = None) -> None:
-    """Print a table of fits, one line a `Fit.summary`, and where their models are."""
+def with_path(outcome: Outcome) -> dict[str, Any]:
+    """The summary of a fit and where its model is."""
+    return {**(outcome.summary or {}), "model": None if outcome.path is None else str(outcome.path)}
+
+
+def print_outcomes(outcomes: Sequence[Outcome], out: Path | None = None, *, is_batch: bool = False) -> None:
+    """Print a table of fits, where their models are and, of a single one, why it has so many lobes."""
+    written = "" if out is None else f"models in {out}"
+    if written and is_batch:
+        from dsbrdf.batch import TABLES
+
+        written += f", tables {' and '.join(TABLES)}"
+        if kept := sum(outcome.kept for outcome in outcomes):
+            written += f"; {kept} of {len(outcomes)} kept from an earlier run, --force fits them again"
+    print_fits([outcome.summary for outcome in outcomes if outcome.summary is not None], written)
+    if not is_batch and outcomes and (selection := outcomes[0].selection) is not None:
+        _console().print()
+        _console().print(_selection(selection))
+
+
+#: What each criterion of the choice of lobes is.
+CRITERIA = {
+    "williams": "ln(divergence)",
+    "bic": "BIC",
+    "held-out": "held-out error",
+}
+
+
+def _selection(selection: LobeSelection) -> Table:
+    table = _table("lobes", CRITERIA[selection.criterion], "Williams", "critical", "verdict")
+    table.columns[-1].justify = "left"
+    numbers = zip(selection.values, selection.statistic, selection.critical, strict=True)
+    for k, (value, statistic, critical) in enumerate(numbers, start=1):
+        tested = [f"{x:.2f}" if math.isfinite(x) else "-" for x in (statistic, critical)]
+        table.add_row(str(k), f"{value:.3f}", *tested, _verdict(selection, k, statistic > critical))
+    return table
+
+
+def _verdict(selection: LobeSelection, k: int, significant: bool) -> str:
+    if selection.criterion != "williams":
+        return "chosen: lowest" if k == selection.n_lobes else ""
+    if significant:
+        return f"loses against {selection.max_lobes}"
+    if k == selection.n_lobes:
+        lossless = "nothing less will do" if k == selection.max_lobes else "no significant loss"
+        return f"chosen: {lossless}"
+    return "more than needed" if k > selection.n_lobes else ""
+
+
+def print_fits(summaries: Sequence[Mapping[str, Any]], written: str = "") -> None:
+    """Print a table of fits, one line a `Fit.summary`, and what was written."""
     table = _table(
         "material",
         "lobes",
@@ -69,7 +120,7 @@ def print_fits(summaries: Sequence[Mapping[str, Any]], out: Path | None = None) 
     for row in summaries:
         rest = (f"{row['log_rms']:.3f}", f"{1e3 * row['seconds']:.0f}")
         table.add_row(row["name"], str(row["n_lobes"]), *_errors(row), *rest)
-    _print_table(table, "" if out is None else f"models in {out}")
+    _print_table(table, written)
 
 
 def _print_table(table: Table, written: str) -> None:
@@ -104,7 +155,10 @@ def print_demo(rows: Sequence[DemoRow], written: str) -> None:
 def print_model(model: DSBRDF) -> None:
     """Print what a model holds: where it comes from, its lobes and its albedos."""
     console = _console()
-    for part in (_origin(model), "", _lobes(model), "", _albedos(model)):
+    parts: list[Any] = [_origin(model), _lobes(model), *_components(model), _albedos(model)]
+    for i, part in enumerate(parts):
+        if i:
+            console.print()
         console.print(part)
 
 
@@ -148,6 +202,31 @@ def _lobes(model: DSBRDF) -> Table:
     return table
 
 
+def _components(model: DSBRDF) -> list[Table]:
+    """What each lobe is, and why it is called that."""
+    import numpy as np
+
+    from dsbrdf.components import components
+
+    colours = "colour" if model.n_channels == 3 else "colour (channels)"
+    table = _table(
+        "lobe", "kind", "share\n0 deg %", "share\n45 deg %", "half width\ndegrees", colours, "because"
+    )
+    for column in (table.columns[1], table.columns[-1]):
+        column.justify = "left"
+    for part in components(model):
+        table.add_row(
+            "delta" if part.lobe is None else str(part.lobe),
+            part.label,
+            f"{100 * part.share:.1f}",
+            f"{100 * part.share_oblique:.1f}",
+            f"{np.rad2deg(part.half_width):.2f}",
+            " ".join(f"{value:.2f}" for value in part.colour),
+            part.reason,
+        )
+    return [table]
+
+
 def _albedos(model: DSBRDF) -> Table:
     import numpy as np
 
@@ -162,11 +241,13 @@ def _albedos(model: DSBRDF) -> Table:
 
 def json_line(summary: Mapping[str, Any]) -> str:
     """One line of JSON, with null for what is not a number."""
-    finite = {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in summary.items()
-    }
-    return json.dumps(finite)
+    return json.dumps({key: _finite(value) for key, value in summary.items()})
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextlib.contextmanager

@@ -1,0 +1,288 @@
+"""Many files: fit after fit, two at a time; what fails is noted, what is done already is kept, one table of all."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dsbrdf import _files, materials
+from dsbrdf._batch_record import RECORD, TABLES, Book, figure_path, source_of
+from dsbrdf.fit import Fit, FitStatus, fit
+from dsbrdf.measured import MeasuredBRDF, read
+from dsbrdf.selection import LobeSelection
+
+__all__ = ["RECORD", "TABLES", "Outcome", "describe", "expand", "fit_many", "open_target"]
+
+#: One fit uses all cores for most of its time; a second fills in while the first reads.
+WORKERS = 2
+#: Begun before the first is handed on: bounds what is held in memory.
+AHEAD = WORKERS + 1
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of one file.
+
+    Parameters
+    ----------
+    target : str
+        The file, or the built-in material.
+    summary : dict or None
+        `Fit.summary`, with "criterion", its values for 1, 2, ... lobes, where the number was chosen; None if the
+        fit failed.
+    path : Path or None
+        The model file.
+    status : str
+        "ok", or what was wrong.
+    kept : bool
+        Whether the model is that of an earlier run.
+    error : Exception or None
+        Why there is no model.
+    selection : LobeSelection or None
+        Why there are so many lobes, if that was chosen in this run.
+    """
+
+    target: str
+    summary: dict[str, Any] | None = None
+    path: Path | None = None
+    status: str = "ok"
+    kept: bool = False
+    error: Exception | None = None
+    selection: LobeSelection | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What a thread hands back: a fit, or the entry of an earlier run, or why there is neither."""
+
+    name: str
+    source: dict[str, Any] | None = None
+    result: Fit | None = None
+    summary: dict[str, Any] | None = None
+    entry: dict[str, Any] | None = None
+    error: Exception | None = None
+
+
+def describe(error: BaseException) -> str:
+    """What an error says, in a sentence for who uses the command."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'standard output'}: {error.strerror}."
+    if isinstance(error, OSError | ValueError | ImportError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory."
+    return f"unexpected {type(error).__name__}: {error}. Please report it, with what --debug prints."
+
+
+def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[str], list[Outcome]]:
+    """Files and names of materials, with folders replaced by the `.binary` files in them.
+
+    Returns
+    -------
+    targets : list of str
+    failures : list of Outcome
+        Folders that cannot be read or hold no such file; raised with `strict`.
+    """
+    targets: list[str] = []
+    failures: list[Outcome] = []
+    for path in paths:
+        try:
+            targets += _inside(Path(path)) if Path(path).is_dir() else [str(path)]
+        except (OSError, ValueError) as error:
+            if strict:
+                raise
+            failures.append(Outcome(str(path), status=_failure(str(path), error), error=error))
+    return targets, failures
+
+
+def _inside(folder: Path) -> list[str]:
+    inside = [entry for entry in folder.iterdir() if entry.suffix.lower() == ".binary" and not entry.is_dir()]
+    if not inside:
+        raise ValueError(f"{folder}: no .binary file in this folder.")
+    return sorted(map(str, inside))
+
+
+def _failure(target: str, error: Exception) -> str:
+    text = describe(error)
+    return text if target in text else f"{target}: {text}"
+
+
+def open_target(target: str) -> MeasuredBRDF:
+    """The measured file, or else the built-in material, of this name.
+
+    Raises
+    ------
+    ValueError
+        If there is neither, or the file is of no known format.
+    OSError
+        If the file cannot be read.
+    """
+    if Path(target).exists():
+        return read(target)
+    if target in materials.names():
+        return materials.material(target)
+    if Path(target).suffix or Path(target).name != target:
+        raise ValueError(f"{target}: no such file.")
+    try:
+        return materials.material(target)
+    except ValueError as error:
+        raise ValueError(f"{target}: no such file; {error}") from None
+
+
+def fit_many(
+    targets: Sequence[str | Path],
+    out: str | Path | None = None,
+    *,
+    record: bool = True,
+    force: bool = False,
+    strict: bool = False,
+    plots: bool = False,
+    step: Callable[[str], None] = lambda _: None,
+    begin: Callable[[str], None] = lambda _: None,
+    done: Callable[[Outcome], None] = lambda _: None,
+    **options: Any,
+) -> list[Outcome]:
+    """Fit many measured BRDFs, and go on after one that cannot be read or fitted.
+
+    Run again, it keeps the models of files that are the same as then (name and size, and the time of change or else
+    the hash), were fitted with the same options by the same version, and that nobody has changed since. Built-in
+    materials are fitted again. Stopped at any time, it leaves whole models and a record of them.
+
+    Parameters
+    ----------
+    targets : sequence of str or Path
+        Files and names of built-in materials, see `expand`.
+    out : str or Path, optional
+        Folder for models `<name>.json`; none are written by default.
+    record : bool, optional
+        Keep models of an earlier run, and write `fits.csv`, `fits.md` and a record for the next run, in `out`.
+    force : bool, optional
+        Fit again what could be kept.
+    strict : bool, optional
+        Raise instead of going on.
+    plots : bool, optional
+        Write figures beside the models, which needs matplotlib.
+    step : callable, optional
+        Told in order what is waited for.
+    begin : callable, optional
+        Told what is begun, in the thread that does it.
+    done : callable, optional
+        Told in order what became of each.
+    **options
+        Of `dsbrdf.fit`.
+
+    Returns
+    -------
+    list of Outcome
+        In the order of `targets`.
+
+    Raises
+    ------
+    OSError
+        If a file in `out` cannot be written.
+    """
+    folder = None if out is None else Path(out)
+    book = Book(folder if record else None, options, force=force)
+    taken: dict[Path, str] = {}
+    outcomes: list[Outcome] = []
+    failures: list[tuple[str, str]] = []
+
+    def work(target: str) -> _Work:
+        begin(target)
+        return _work(target, options, book, plots)
+
+    def finish(target: str, of_thread: _Work) -> Outcome:
+        error = of_thread.error
+        path = None if folder is None else folder / f"{of_thread.name}.json"
+        if error is None and path in taken:
+            error = ValueError(f"{path} is already the model of {taken[path]}. Give it another folder.")
+        if error is not None:
+            if strict:
+                raise error
+            failures.append((Path(target).stem, _failure(target, error)))
+            return Outcome(target, status=failures[-1][1], error=error)
+        if path is not None:
+            taken[path] = target
+        return _finish(target, of_thread, path, book, plots)
+
+    with book.tables(failures), contextlib.closing(_ahead(work, list(map(str, targets)))) as results:
+        for target, waited_for in results:
+            step(target)
+            outcomes.append(finish(target, waited_for.result()))
+            done(outcomes[-1])
+    return outcomes
+
+
+def _ahead(
+    work: Callable[[str], _Work], targets: Sequence[str]
+) -> Generator[tuple[str, Future[_Work]], None, None]:
+    """Targets in order, and what will come of them; a few are begun before they are asked for."""
+    pool = ThreadPoolExecutor(WORKERS)
+    begun: deque[tuple[str, Future[_Work]]] = deque()
+    try:
+        for target in targets:
+            begun.append((target, pool.submit(work, target)))
+            if len(begun) == AHEAD:
+                yield begun.popleft()
+        while begun:
+            yield begun.popleft()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _work(target: str, options: Mapping[str, Any], book: Book, plots: bool) -> _Work:
+    name = Path(target).stem
+    try:
+        measured = open_target(target)
+        name = measured.name
+        source = source_of(measured) if book.folder is not None else None
+        entry = book.still_good(name, measured, source, plots)
+        if entry is not None:
+            return _Work(name, source, entry=entry)
+        result = fit(measured, **options)
+        if book.folder is not None:
+            # Hashed here, while the other thread fits
+            _ = measured.source.sha256
+        summary = result.summary()
+        if result.selection is not None:
+            summary["criterion"] = result.selection.values.tolist()
+        return _Work(name, source, result, summary)
+    except Exception as error:
+        return _Work(name, error=error)
+
+
+def _finish(target: str, work: _Work, path: Path | None, book: Book, plots: bool) -> Outcome:
+    """Write the model, then its figures, then the record: what the record tells of is there."""
+    result = work.result
+    if result is None:
+        assert work.entry is not None
+        book.add(work.name, {**work.entry, "source": work.source})
+        return Outcome(target, dict(work.entry["summary"]), path, work.entry["status"], kept=True)
+    if path is not None:
+        result.model.save(path)
+        if plots:
+            _write_figures(result, path)
+    bad = sum(report.status is FitStatus.MAX_ITERATIONS for report in result.slices)
+    status = f"{bad} of {len(result.slices)} slices out of iterations" if bad else "ok"
+    if path is not None and book.folder is not None:
+        source = work.source and {**work.source, "sha256": result.measured.source.sha256}
+        hashed = _files.sha256(path)
+        entry = {"source": source, "model_sha256": hashed, "summary": work.summary, "status": status}
+        book.add(work.name, {**entry, "options": book.options})
+        book.save()
+    return Outcome(target, work.summary, path, status, selection=result.selection)
+
+
+def _write_figures(result: Fit, path: Path) -> None:
+    from dsbrdf import plot, plot_selection
+
+    plot.write_figure(plot.fit_figure(result), figure_path(path, ""))
+    plot.write_figure(plot.parameter_figure(result.model), figure_path(path, "-parameters"))
+    if result.selection is not None:
+        figure = plot_selection.selection_figure(result.selection, result.model.name)
+        plot.write_figure(figure, figure_path(path, "-selection"))
