@@ -165,8 +165,8 @@ def fit(
         Least squares (the paper), or squared logarithms of the mean over phi_d, which weigh the dim tail of a
         lobe as much as its peak; better for rendering.
     azimuthal : bool, optional
-        Give each lobe the factor `1 + beta g cos(2 phi_d)`. On by default, off with `method="em"`; False is the
-        paper's model to the letter.
+        Give each lobe the factor `1 + beta g cos(2 phi_d)` where that pays (by BIC, one decision for the material;
+        otherwise beta is 0). On by default, off with `method="em"`; False is the paper's model to the letter.
     order : {"follow", "kappa"}, optional
         Lobes of neighbouring slices correspond by likeness, or by the rank of their kappa (the paper).
     n_slices, min_theta_h, perimeter_mask, theta_h_step

@@ -8,6 +8,7 @@ use crate::levenberg_marquardt::Stop;
 use crate::lobe::{ABSENT, Lobe};
 use crate::mixture::Mixture;
 use crate::slice::{Loss, Slice};
+use crate::slice_fit::{SliceFit, Status, best};
 use crate::start::grow;
 
 /// Rounds of the EM, and the relative change of its objective at which it stops.
@@ -32,27 +33,6 @@ pub struct Plan {
     pub azimuthal: bool,
     /// Follow lobes over theta_d; otherwise sort by kappa, slice by slice (the paper).
     pub follow: bool,
-}
-
-/// How the fit of a slice ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    Converged,
-    /// Out of iterations; the best so far is kept.
-    MaxIterations,
-    /// No valid sample, or all zero: the lobes are absent (kappa tiny).
-    NoData,
-}
-
-#[derive(Clone, Debug)]
-pub struct SliceFit {
-    pub lobes: Vec<Lobe>,
-    /// Sum of squares over all samples, or its counterpart under the logarithmic loss.
-    pub objective: f64,
-    pub iterations: usize,
-    pub status: Status,
-    /// Objective at the start of the EM and after each round.
-    pub em_history: Vec<f64>,
 }
 
 /// The joint fit's stopping rule while candidates are compared.
@@ -140,13 +120,6 @@ fn polish(slice: &Slice, azimuthal: bool, fit: &mut SliceFit) {
     fit.objective = 2.0 * minimum.cost + floor;
     fit.iterations += minimum.iterations;
     fit.status = if minimum.converged { Status::Converged } else { Status::MaxIterations };
-}
-
-/// The candidate with the least objective.
-pub fn best(fits: &[SliceFit]) -> &SliceFit {
-    fits.iter()
-        .reduce(|best, fit| if fit.objective < best.objective { fit } else { best })
-        .expect("a candidate")
 }
 
 fn has_data(slice: &Slice) -> bool {

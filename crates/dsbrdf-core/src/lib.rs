@@ -13,4 +13,5 @@ pub mod lobe;
 pub mod mixture;
 pub mod profile;
 pub mod slice;
+pub mod slice_fit;
 pub mod start;
