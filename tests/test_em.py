@@ -150,13 +150,13 @@ def test_takes_a_start():
 # An M-step fits lobes to their shares, which promises nothing about the sum of squares.
 RISES = {
     "rough-copper": 0.00,
-    "rough-gold": 0.01,
+    "rough-gold": 0.00,
     "polished-chrome": 0.01,
-    "glossy-plastic": 0.05,
-    "satin-plastic": 0.05,
+    "glossy-plastic": 0.04,
+    "satin-plastic": 0.01,
     "paint-two-lobe": 0.07,
 }
-DECODED_RISES = {"nickel": 0.01, "dark-blue-paint": 0.14, "aventurnine": 0.15}
+DECODED_RISES = {"nickel": 0.00, "dark-blue-paint": 0.02, "aventurnine": 0.15}
 
 
 def check_rises(measured, expected):
