@@ -171,7 +171,7 @@ def fit_form(samples: Samples, moments: Array, n_lobes: int, form: Form | None) 
     factor = np.zeros(theta_h.shape) if form is None else form(theta_h, samples.theta_d[:, None])
     result = _core.fit(
         np.ascontiguousarray(moments),
-        0.5 * np.log1p(-(np.sin(theta_h) ** 2)),
+        half_diff.log_cos(theta_h),
         np.ascontiguousarray(factor),
         n_lobes=n_lobes,
         method="joint",

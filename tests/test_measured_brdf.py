@@ -156,3 +156,12 @@ def test_measured_brdf_needs_no_source():
     measured = MeasuredBRDF("x", np.ones((1, 2, 2, 2)), np.ones(1), *cell_angles("centre", (2, 2, 2)))
     assert measured.source.to_json()["file"] is None
     assert measured.convention == "centre"
+
+
+def test_every_other_phi_d_parts_the_table(small_table):
+    first, second = small_table.every_other_phi_d()
+    np.testing.assert_array_equal(first.phi_d, small_table.phi_d[::2])
+    np.testing.assert_array_equal(second.values, small_table.values[:, :, 1::2])
+    rows = range(len(small_table.theta_d))
+    both = first.moments(rows) + second.moments(rows)
+    np.testing.assert_allclose(both, small_table.moments(rows), rtol=1e-12, atol=1e-12)

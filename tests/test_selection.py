@@ -209,3 +209,12 @@ def test_figure_without_a_test():
     figure = plot_selection.selection_figure(selection)
     assert len(figure.axes) == 1
     assert figure.get_suptitle() == "1 lobe, shaded"
+
+
+@pytest.mark.parametrize("criterion", ["bic", "held-out"])
+def test_fit_takes_another_criterion(criterion):
+    chosen = dsbrdf.fit(dsbrdf.material("matte"), criterion=criterion).selection
+    assert chosen.criterion == criterion
+    assert 1 <= chosen.n_lobes <= chosen.max_lobes
+    with pytest.raises(ValueError, match="'criterion' must be one of"):
+        dsbrdf.fit(dsbrdf.material("matte"), criterion="aic")

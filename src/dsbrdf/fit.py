@@ -126,10 +126,7 @@ class Fit:
         return {
             "name": self.model.name,
             "n_lobes": self.model.n_lobes,
-            "rel_rms": self.errors.rel_rms,
-            "bivariate_floor": self.errors.bivariate_floor,
-            "monotone_floor": self.errors.monotone_floor,
-            "azimuthal_floor": self.errors.azimuthal_floor,
+            **self.errors.summary(),
             "log_rms": self.log_rms,
             "seconds": self.seconds,
         }
@@ -148,6 +145,7 @@ def fit(
     perimeter_mask: bool = True,
     theta_h_step: int = 1,
     spike: bool = True,
+    criterion: str = "williams",
     strict: bool = False,
 ) -> Fit:
     """Fit a sum of hemi-EPD lobes to every slice and channel of a measured BRDF.
@@ -173,6 +171,9 @@ def fit(
         Which samples are fitted; see `dsbrdf.slices.slice_profiles`.
     spike : bool, optional
         Add the delta term where the data call for it (Section 6, `dsbrdf.spike`).
+    criterion : {"williams", "bic", "held-out"}, optional
+        What chooses the number of lobes, if that is "auto"; "held-out" fits every other phi_d and judges by the
+        rest.
     strict : bool, optional
         Raise instead of warning when a slice did not converge.
 
@@ -216,7 +217,7 @@ def fit(
     profiles = [profile.cut(min_theta_h) for profile in near_pole]
     chosen = None
     if isinstance(n_lobes, str):
-        chosen = select_lobes(profiles)
+        chosen = _select(measured, profiles, n_slices, masks, criterion)
         n_lobes = chosen.n_lobes
     parameters, reports = fit_profiles(
         profiles, n_lobes, method=method, loss=loss, azimuthal=azimuthal, order=order
@@ -235,14 +236,25 @@ def fit(
         name=measured.name,
         source=measured.source,
         fit_options=options,
-        errors={
-            "rel_rms": errors.rel_rms,
-            "bivariate_floor": errors.bivariate_floor,
-            "monotone_floor": errors.monotone_floor,
-            "azimuthal_floor": errors.azimuthal_floor,
-        },
+        errors=errors.summary(),
     )
     return Fit(model, errors, reports, profiles, seconds, chosen, measured, options)
+
+
+def _select(
+    measured: MeasuredBRDF,
+    profiles: Sequence[SliceProfile],
+    n_slices: int,
+    masks: dict[str, Any],
+    criterion: str,
+) -> LobeSelection:
+    """Choose the number of lobes; for held-out error, from two halves of phi_d."""
+    if criterion != "held-out":
+        return select_lobes(profiles, criterion=criterion)
+    fitted, held_out = (
+        slice_profiles(half, n_slices=n_slices, **masks) for half in measured.every_other_phi_d()
+    )
+    return select_lobes(fitted, criterion=criterion, held_out=held_out)
 
 
 def _check_options(n_lobes: int | str, method: str, loss: str, azimuthal: bool, order: str) -> None:
@@ -301,10 +313,9 @@ def fit_profiles(
             "no slice has a valid sample after masking. Lower 'min_theta_h', switch off 'perimeter_mask', or "
             "check that the measurement holds positive values."
         )
-    sin_h = np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53)
     result = _core.fit(
         moments,
-        0.5 * np.log1p(-sin_h),
+        half_diff.log_cos(theta_h),
         half_diff.azimuthal_factor(theta_h, theta_d[:, None]),
         n_lobes=n_lobes,
         method=method,

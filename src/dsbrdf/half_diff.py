@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
 
-__all__ = ["AZIMUTHAL_WIDTH", "azimuthal_factor", "from_directions", "to_directions"]
+__all__ = ["AZIMUTHAL_WIDTH", "azimuthal_factor", "from_directions", "log_cos", "to_directions"]
 
 #: Where the azimuthal term sets in: it has `1 / sqrt(2)` of its size at `tan(theta_h) tan(theta_d)` of this.
 AZIMUTHAL_WIDTH = 0.01
@@ -127,3 +127,9 @@ def azimuthal_factor(theta_h: ArrayLike, theta_d: ArrayLike) -> NDArray[np.float
     length = np.hypot(p, q)
     factor: NDArray[np.float64] = np.divide(p, length, out=np.zeros_like(length), where=length > 0.0)
     return factor
+
+
+def log_cos(theta_h: ArrayLike) -> NDArray[np.float64]:
+    """`ln cos(theta_h)` of angles (...) in radians: relatively precise near the pole, finite on the horizon."""
+    sin2 = np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53)
+    return np.asarray(0.5 * np.log1p(-sin2))

@@ -68,6 +68,11 @@ class FitErrors:
         nothing = np.full_like(self.energy, np.nan)
         return np.sqrt(np.divide(self.squares, self.energy, out=nothing, where=self.energy > 0.0))
 
+    def summary(self) -> dict[str, float]:
+        """`rel_rms` and the three floors by name."""
+        names = ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor")
+        return {name: getattr(self, name) for name in names}
+
 
 def _relative(squares: float, energy: float) -> float:
     return float(np.sqrt(squares / energy)) if energy > 0.0 else float("nan")
@@ -92,8 +97,7 @@ def profile_model(
     -------
     a, b : (theta_d, channel, theta_h) ndarray, 1/sr
     """
-    # At theta_h = 90 degrees the logarithm stays finite
-    log_cos = 0.5 * np.log1p(-np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53))[:, None, :, None]
+    log_cos = half_diff.log_cos(theta_h)[:, None, :, None]
     lobes = np.expm1(kappa[:, :, None] * np.exp(gamma[:, :, None] * log_cos))
     factor = half_diff.azimuthal_factor(theta_h, theta_d[:, None])
     return lobes.sum(-1), (lobes * beta[:, :, None]).sum(-1) * factor[:, None]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _core, metrics, williams
+from dsbrdf import _core, half_diff, metrics, williams
 from dsbrdf.slices import SliceProfile, stack_profiles
 
 __all__ = ["ALPHA", "MAX_LOBES", "LobeSelection", "divergence", "select_lobes"]
@@ -99,7 +99,7 @@ def select_lobes(
     alpha : float, optional
         Level of Williams' test.
     held_out : sequence of SliceProfile, optional
-        For `criterion="held-out"`: the same slices over other phi_d.
+        For `criterion="held-out"`: the same slices over other phi_d (`MeasuredBRDF.every_other_phi_d`).
 
     Returns
     -------
@@ -115,8 +115,7 @@ def select_lobes(
     if max_lobes < 1:
         raise ValueError(f"'max_lobes' must be at least 1, got {max_lobes}.")
     _, theta_h, moments = stack_profiles(profiles)
-    log_cos = 0.5 * np.log1p(-np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53))
-    fits = _core.grow(moments, log_cos, max_lobes)
+    fits = _core.grow(moments, half_diff.log_cos(theta_h), max_lobes)
     if criterion == "williams" and (moments[..., 2].sum((1, 2)) > 0.0).sum() < MIN_BLOCKS:
         criterion = "bic"
     if criterion == "williams":

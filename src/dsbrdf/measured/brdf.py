@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -134,6 +135,16 @@ class MeasuredBRDF:
             np.cos(2.0 * self.phi_d),
             [int(row) for row in rows],
         )
+
+    def every_other_phi_d(self) -> tuple[MeasuredBRDF, MeasuredBRDF]:
+        """The tables of the first, third, ... and of the second, fourth, ... phi_d."""
+        first, second = (
+            dataclasses.replace(
+                self, planes=np.ascontiguousarray(self.planes[..., i::2]), phi_d=self.phi_d[i::2]
+            )
+            for i in (0, 1)
+        )
+        return first, second
 
     def __repr__(self) -> str:
         n_h, n_d, n_phi = self.planes.shape[1:]
