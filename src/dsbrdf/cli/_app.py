@@ -1,0 +1,165 @@
+"""The `dsbrdf` command: parse, call, print.
+
+What fails is told in one line on standard error, `dsbrdf: error: ...`, with exit status 1, or 2 for a command
+that cannot be understood. Numeric modules are imported where they are used, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+__all__ = ["State", "app", "check_folder", "main", "missing_plots", "say"]
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@dataclass
+class State:
+    """What all commands share: whether to show tracebacks, and what is being worked on, for warnings."""
+
+    debug: bool = False
+    # Threads work on different files
+    work: threading.local = field(default_factory=threading.local)
+
+    def begin(self, about: str) -> None:
+        """Note what this thread is working on."""
+        self.work.about = about
+
+    def announce(self, step: Callable[[str], None]) -> Callable[[str], None]:
+        """`step`, and a note of what is being worked on."""
+
+        def both(about: str) -> None:
+            self.begin(about)
+            step(about)
+
+        return both
+
+    def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        about = getattr(self.work, "about", "")
+        say(f"warning: {about}{': ' if about else ''}{message}")
+
+
+def say(text: str) -> None:
+    """One line to standard error."""
+    print("dsbrdf:", " ".join(text.split("\n")), file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the process by default.
+    """
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    # Wherever it stands, --debug holds
+    state = State(debug="--debug" in arguments)
+    arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = state.show_warning
+        try:
+            status = _invoke(arguments, state)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_output()
+            return 1
+        except (KeyboardInterrupt, Exception) as error:
+            if state.debug:
+                raise
+            _discard_output()
+            return _report(error)
+    return status
+
+
+def _invoke(arguments: list[str], state: State) -> int:
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context("dsbrdf", arguments, obj=state) as context:
+            command.invoke(context)
+    except typer.Exit as end:
+        return int(end.exit_code)
+    return 0
+
+
+def _report(error: BaseException) -> int:
+    """Tell of an error in one line, and return the exit status."""
+    if isinstance(error, KeyboardInterrupt):
+        say("interrupted")
+        return INTERRUPTED
+    usage = getattr(error, "format_message", None)
+    if usage is not None:
+        context = getattr(error, "ctx", None)
+        say(f"error: {usage().rstrip('.')}. Try '{context.command_path if context else 'dsbrdf'} --help'.")
+        return int(getattr(error, "exit_code", 2))
+    from dsbrdf import batch
+
+    say(f"error: {batch.describe(error)}")
+    return 1
+
+
+def _discard_output() -> None:
+    """Send what is left in the buffer of a broken standard output nowhere, so that Python ends quietly."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with contextlib.suppress(OSError), open(os.devnull, "w") as nowhere:  # noqa: PTH123
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from dsbrdf import __version__
+
+        print(f"dsbrdf {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    context: typer.Context,
+    _wanted: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    _debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
+) -> None:
+    """Directional statistics BRDF model: measured reflectance to a few lobes, and back."""
+    context.ensure_object(State)
+
+
+def check_folder(folder: Path) -> None:
+    """Fail before the work is done if `folder` is none, or cannot be made or written to."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(existing))
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
+
+
+def missing_plots() -> str:
+    """Why there can be no plots, empty if there can."""
+    try:
+        from dsbrdf import plot  # noqa: F401
+    except ModuleNotFoundError as error:
+        return str(error)
+    return ""

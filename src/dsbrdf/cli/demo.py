@@ -1,0 +1,32 @@
+"""`dsbrdf demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
+
+
+@app.command()
+def demo(
+    context: typer.Context,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for models and plots.")
+    ] = Path("dsbrdf-demo"),
+) -> None:
+    """Fit the built-in materials; write models and plots."""
+    from dsbrdf import demo as demonstration
+    from dsbrdf import materials, report
+
+    check_folder(out)
+    missing = missing_plots()
+    if missing:
+        say(f"note: no plots: {missing}")
+    state: State = context.obj
+    with report.progress(len(materials.names()) + (not missing)) as step:
+        rows = demonstration.run(out, plots=not missing, step=state.announce(step))
+    written = "models" if missing else f"models and plots (all materials: {demonstration.OVERVIEW})"
+    report.print_demo(rows, f"{written} in {out}")

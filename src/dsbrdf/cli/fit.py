@@ -1,0 +1,106 @@
+"""`dsbrdf fit`."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
+
+
+class Loss(StrEnum):
+    """Losses of a fit."""
+
+    l2 = "l2"
+    log = "log"
+
+
+@app.command()
+def fit(
+    context: typer.Context,
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE",
+            help="MERL .binary files, folders of them, or names of built-in materials.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write each model to DIR/<name>.json.")
+    ] = None,
+    lobes: Annotated[
+        str, typer.Option(metavar="N", help="Lobes in each slice and channel; auto: as few as will do.")
+    ] = "auto",
+    paper: Annotated[
+        bool, typer.Option("--paper", help="The paper's model: no azimuthal term, lobes ordered by kappa.")
+    ] = False,
+    loss: Annotated[
+        Loss, typer.Option(help="Squared differences (the paper), or of logarithms, for the tails.")
+    ] = Loss.l2,
+    slices: Annotated[int, typer.Option(min=1, help="Slices in theta_d; 18 is every 5 degrees.")] = 18,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
+    ] = False,
+) -> None:
+    """Fit measured BRDFs; print how good the fits are."""
+    from dsbrdf import batch, report
+
+    if plot and out is None:
+        raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
+    if plot and (missing := missing_plots()):
+        raise ModuleNotFoundError(missing)
+    if out is not None:
+        check_folder(out)
+    options: dict[str, Any] = {"n_lobes": _lobe_count(lobes), "loss": loss.value, "n_slices": slices}
+    if paper:
+        options |= {"azimuthal": False, "order": "kappa"}
+    state: State = context.obj
+    targets, failures = batch.expand(files, strict=state.debug)
+    is_batch = len(files) > 1 or targets != files
+    results: list[batch.Outcome] = []
+
+    def done(outcome: batch.Outcome) -> None:
+        (failures if outcome.summary is None else results).append(outcome)
+        if as_json and outcome.summary is not None:
+            print(report.json_line(report.with_path(outcome)), flush=True)
+
+    try:
+        with report.progress(len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
+            batch.fit_many(
+                targets,
+                out,
+                record=is_batch,
+                force=force,
+                strict=state.debug,
+                plots=plot,
+                step=step,
+                begin=state.begin,
+                done=done,
+                **options,
+            )
+    finally:
+        if results and not as_json:
+            report.print_outcomes(results, out, is_batch=is_batch)
+        for failure in failures:
+            say(f"error: {failure.status}")
+    if failures:
+        raise typer.Exit(1)
+
+
+def _lobe_count(text: str) -> int | str:
+    from dsbrdf.fit import MAX_LOBES
+
+    if text == "auto":
+        return text
+    if not text.isdecimal() or not 1 <= int(text) <= MAX_LOBES:
+        raise typer.BadParameter(
+            f"expected a number from 1 to {MAX_LOBES}, or auto, got {text!r}.", param_hint="'--lobes'"
+        )
+    return int(text)
