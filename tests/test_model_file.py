@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsbrdf import DSBRDF, ModelFormatError, _files, load
 from dsbrdf.measured.brdf import Source
 from dsbrdf.model_file import MAX_BYTES, PARAMETERS, SCHEMA
+from dsbrdf.slices import MeasuredProfile
 
 GOLDEN = Path(__file__).parent / "golden"
 FILES = sorted(file for file in GOLDEN.glob("model-*.json") if "values" not in file.stem)
@@ -107,15 +108,62 @@ def test_any_positive_number_comes_back(tmp_path_factory, value):
     assert_array_equal(load(path).kappa, one)
 
 
-def test_layout_of_schema_1(model, path):
+def test_layout_of_schema_2(model, path):
     model.save(str(path))
     content = json.loads(path.read_text(encoding="utf-8"))
-    assert list(content) == ["format", "schema", "name", "units", *ARRAYS, "source", "fit", "errors"]
+    assert list(content) == [
+        "format",
+        "schema",
+        "name",
+        "units",
+        "azimuthal_width",
+        *ARRAYS,
+        "source",
+        "fit",
+        "errors",
+    ]
     assert content["format"] == "dsbrdf model"
-    assert content["schema"] == SCHEMA == 1
+    assert content["schema"] == SCHEMA == 2
     assert_array_equal(content["kappa"], model.kappa)
     assert_array_equal(content["spike"], model.spike)
     assert path.read_bytes().endswith(b"}\n")
+
+
+def test_profile_comes_back_to_five_digits(model, path, rng):
+    mean = rng.lognormal(size=(2, 3, 5))
+    mean[0, 1, 2:] = np.nan
+    theta_h = np.tile(np.linspace(0.0, 1.5, 5), (2, 1))
+    profile = MeasuredProfile([0.1, 0.7], theta_h, mean, -0.1 * mean)
+    model.replace(profile=profile).save(path)
+    back = load(path).profile
+    for name in ("theta_d", "theta_h", "mean", "amplitude"):
+        assert_allclose(getattr(back, name), getattr(profile, name), rtol=5e-5)
+    assert len(json.loads(path.read_text())["profile"]["theta_h"]) == 1
+    # Slices of scattered samples have theta_h of their own
+    theta_h[1] *= 0.9
+    model.replace(profile=MeasuredProfile([0.1, 0.7], theta_h, mean, mean)).save(path)
+    assert_allclose(load(path).profile.theta_h, theta_h, rtol=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"theta_d": [0.1]}, "a profile's 'mean' and 'amplitude' must"),
+        ({"mean": [[1.0]]}, "'mean' of a profile must have 3 axes, the first of 2 slices"),
+        ({"amplitude": [[[1.0]], [[1.0]]]}, "a profile's 'mean' and 'amplitude' must have shape"),
+    ],
+)
+def test_a_profile_of_wrong_shape_is_refused(path, change, text):
+    content = json.loads((GOLDEN / "model-schema-2.json").read_text())
+    content["profile"] |= change
+    if "theta_d" in change:
+        text = "'mean' of a profile must have 3 axes, the first of 1 slices"
+    refused(path, content, f"not a sound model: {text}")
+
+
+def test_another_azimuthal_width_is_refused(path, content):
+    content["azimuthal_width"] = 0.03
+    refused(path, content, "an azimuthal width of 0.03, where this version has 0.01. Fit the material again.")
 
 
 def test_source_of_a_file_is_recorded_by_name_and_hash(model, tmp_path, path):
@@ -252,15 +300,15 @@ def test_json_of_another_kind_is_refused(path, bad):
     refused(path, bad, 'not a model file: expected "format": "dsbrdf model".')
 
 
-@pytest.mark.parametrize("schema", [2, 0, -1, 10**30, 1.0, "1", None, [1], {}])
+@pytest.mark.parametrize("schema", [3, 0, -1, 10**30, 1.0, "1", None, [1], {}])
 def test_a_schema_that_is_not_known_is_refused(path, content, schema):
-    text = f"schema {schema!r} is not among those this version reads (1 to 1). Update dsbrdf."
+    text = f"schema {schema!r} is not among those this version reads (1 to 2). Update dsbrdf."
     refused(path, content | {"schema": schema}, text)
 
 
 def test_a_file_without_schema_is_refused(path, content):
     del content["schema"]
-    refused(path, content, "schema None is not among those this version reads (1 to 1).")
+    refused(path, content, "schema None is not among those this version reads (1 to 2).")
 
 
 @pytest.mark.parametrize("key", PARAMETERS)

@@ -20,6 +20,7 @@ from dsbrdf.selection import LobeSelection, select_lobes
 from dsbrdf.slices import (
     MIN_THETA_H,
     N_SLICES,
+    MeasuredProfile,
     SliceProfile,
     slice_profiles,
     slice_rows,
@@ -237,6 +238,7 @@ def fit(
         source=measured.source,
         fit_options=options,
         errors=errors.summary(),
+        profile=MeasuredProfile.of(profiles),
     )
     return Fit(model, errors, reports, profiles, seconds, chosen, measured, options)
 

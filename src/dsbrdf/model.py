@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check, evaluation, half_diff
 from dsbrdf.measured.brdf import Source
+from dsbrdf.slices import MeasuredProfile
 
 __all__ = ["DSBRDF"]
 
@@ -40,6 +41,8 @@ class DSBRDF:
         The measurement that was fitted.
     fit_options, errors : mapping, optional
         Options used and errors reached by the fit.
+    profile : MeasuredProfile, optional
+        Summary of what was fitted, for plots.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class DSBRDF:
     source: Source = field(default_factory=Source)
     fit_options: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
+    profile: MeasuredProfile | None = None
 
     def __post_init__(self) -> None:
         theta_d = _check.angle(self.theta_d, "theta_d")
@@ -151,7 +155,7 @@ class DSBRDF:
             raise IndexError(f"lobe {k}: the model has {self.n_lobes} lobes, numbered from 0.")
         k %= self.n_lobes
         parts = {name: getattr(self, name)[..., k : k + 1] for name in ("kappa", "gamma", "beta")}
-        return self.replace(**parts, spike=None, name=f"{self.name} lobe {k}", errors={})
+        return self.replace(**parts, spike=None, name=f"{self.name} lobe {k}", errors={}, profile=None)
 
     def albedo(self, theta_i: ArrayLike) -> NDArray[np.float64]:
         """Directional albedo: the share of light from `theta_i` that is reflected.

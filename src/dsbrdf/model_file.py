@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dsbrdf import _files
+from dsbrdf.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.brdf import Source
 from dsbrdf.model import DSBRDF
+from dsbrdf.slices import MeasuredProfile
 
 __all__ = ["SCHEMA", "ModelFormatError", "load", "save"]
 
 #: Version of the layout; every later version of the package reads it.
-SCHEMA = 1
+SCHEMA = 2
 FORMAT = "dsbrdf model"
 PARAMETERS = ("theta_d", "kappa", "gamma", "beta")
 #: May be missing: there was none in the first files of schema 1.
 SPIKE = "spike"
+#: Since schema 2; the only one there is so far.
+WIDTH = "azimuthal_width"
+PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
+#: Numbers of the profile, which is there for plots.
+PROFILE_DIGITS = 5
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
 
@@ -42,13 +50,54 @@ def save(model: DSBRDF, path: str | Path) -> None:
         "name": model.name,
         "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), "
         "spike (theta_d, channel)",
+        WIDTH: AZIMUTHAL_WIDTH,
         **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
         "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
     }
+    if model.profile is not None:
+        content["profile"] = _profile_to_json(model.profile)
     with _files.aside(path) as part:
-        part.write_text(json.dumps(content, indent=1, default=_plain) + "\n", encoding="utf-8")
+        part.write_text(_to_text(content) + "\n", encoding="utf-8")
+
+
+def _to_text(content: dict[str, Any]) -> str:
+    """JSON with a line for each slice of an array."""
+    entries = []
+    for key, value in content.items():
+        if isinstance(value, list):
+            text = "[\n  " + ",\n  ".join(json.dumps(row, default=_plain) for row in value) + "\n ]"
+        elif isinstance(value, dict):
+            text = _to_text(value).replace("\n", "\n ") if value else "{}"
+        else:
+            text = json.dumps(value, default=_plain)
+        entries.append(f"\n {json.dumps(key)}: {text}")
+    return "{" + ",".join(entries) + "\n}"
+
+
+def _profile_to_json(profile: MeasuredProfile) -> dict[str, Any]:
+    """Rounded numbers, None for NaN; the amplitude only where there is one, theta_h once if all slices share it."""
+    theta_h = profile.theta_h
+    arrays = {
+        "theta_d": profile.theta_d,
+        "theta_h": theta_h[:1] if (theta_h == theta_h[0]).all() else theta_h,
+        "mean": profile.mean,
+        "amplitude": profile.amplitude,
+    }
+    return {key: _rounded(array.tolist()) for key, array in arrays.items()}
+
+
+def _rounded(values: Any) -> Any:
+    if isinstance(values, list):
+        return [_rounded(value) for value in values]
+    return float(f"{values:.{PROFILE_DIGITS}g}") if math.isfinite(values) else None
+
+
+def _profile_from_json(content: dict[str, Any]) -> MeasuredProfile:
+    arrays = {name: np.array(content[name], dtype=np.float64) for name in PROFILE}
+    theta_h = np.broadcast_to(arrays["theta_h"], (len(arrays["theta_d"]), arrays["theta_h"].shape[-1]))
+    return MeasuredProfile(**(arrays | {"theta_h": theta_h}))
 
 
 def _plain(value: Any) -> Any:
@@ -80,9 +129,14 @@ def load(path: str | Path) -> DSBRDF:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ModelFormatError(f'{path}: not a model file: expected "format": "{FORMAT}".')
     schema = content.get("schema")
-    if not isinstance(schema, int) or not 1 <= schema <= SCHEMA:
+    if type(schema) is not int or not 1 <= schema <= SCHEMA:
         raise ModelFormatError(
             f"{path}: schema {schema!r} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
+        )
+    if content.get(WIDTH, AZIMUTHAL_WIDTH) != AZIMUTHAL_WIDTH:
+        raise ModelFormatError(
+            f"{path}: an azimuthal width of {content[WIDTH]!r:.40}, where this version has {AZIMUTHAL_WIDTH}. "
+            "Fit the material again."
         )
     source, options, errors = (content.get(key) or {} for key in ("source", "fit", "errors"))
     for key, value in (("source", source), ("fit", options), ("errors", errors)):
@@ -98,6 +152,7 @@ def load(path: str | Path) -> DSBRDF:
             source=Source(description=str(source.get("description", "")), recorded=source),
             fit_options=options,
             errors={key: np.nan if value is None else float(value) for key, value in errors.items()},
+            profile=_profile_from_json(content["profile"]) if content.get("profile") else None,
         )
     except KeyError as error:
         raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None

@@ -15,7 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf import _check
 from dsbrdf.measured.brdf import MeasuredBRDF
 
-__all__ = ["MIN_THETA_H", "N_SLICES", "SliceProfile", "gather_profile", "slice_profiles", "slice_rows"]
+__all__ = [
+    "MIN_THETA_H",
+    "N_SLICES",
+    "MeasuredProfile",
+    "SliceProfile",
+    "gather_profile",
+    "slice_profiles",
+    "slice_rows",
+]
 
 #: Slices of the paper: theta_d at every 5 degrees of a MERL table.
 N_SLICES = 18
@@ -69,6 +77,53 @@ class SliceProfile:
         """The slice without its samples of theta_h below `min_theta_h` (radians)."""
         kept = self.theta_h >= min_theta_h
         return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredProfile:
+    """What was fitted, for plots beside a model; the samples themselves are not kept.
+
+    Parameters
+    ----------
+    theta_d : (slice,) ndarray, radians
+    theta_h : (slice, theta_h) ndarray, radians
+    mean : (slice, channel, theta_h) ndarray, 1/sr
+        Over phi_d; NaN where there is no sample.
+    amplitude : (slice, channel, theta_h) ndarray, 1/sr
+        Of `cos(2 phi_d)`, so that `mean + amplitude` is at phi_d = 0; NaN where it cannot be told.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree.
+    """
+
+    theta_d: NDArray[np.float64]
+    theta_h: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name, n_axes in (("theta_d", 1), ("theta_h", 2), ("mean", 3), ("amplitude", 3)):
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.ndim != n_axes or len(array) != len(self.theta_d):
+                raise ValueError(
+                    f"'{name}' of a profile must have {n_axes} axes, the first of {len(self.theta_d)} slices, "
+                    f"got shape {array.shape}."
+                )
+            object.__setattr__(self, name, array)
+        if self.mean.shape != self.amplitude.shape or self.mean.shape[::2] != self.theta_h.shape:
+            raise ValueError(
+                f"a profile's 'mean' and 'amplitude' must have shape (slice, channel, theta_h) with 'theta_h' "
+                f"{self.theta_h.shape}, got {self.mean.shape} and {self.amplitude.shape}."
+            )
+
+    @classmethod
+    def of(cls, profiles: Sequence[SliceProfile]) -> MeasuredProfile:
+        """Return the summary of slices."""
+        theta_d, theta_h, moments = stack_profiles(profiles)
+        stacked = SliceProfile(0.0, theta_h[0], moments)
+        return cls(theta_d, theta_h, stacked.mean, stacked.azimuthal_amplitude)
 
 
 def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,21 +1,22 @@
-"""Two hand-made models of schema 1 and their values, written beside this file; it takes a second.
+"""Hand-made models of every schema and their values, written beside this file; it takes a second.
 
 `model-schema-1.json` is what `save` wrote when the schema was 1 and there was no spike yet,
-`model-schema-1-spike.json` the same with one. Every later version has to read them: do not write them again
-when the layout changes, add the next. The files `*-values.json` have values of the models in 1/sr at angles
+`model-schema-1-spike.json` the same with one, `model-schema-2.json` has a summary of what was measured. Every
+later version has to read them: do not write them again when the layout changes, add the next. The files `*-values.json` have values of the models in 1/sr at angles
 (theta_h, theta_d, phi_d) from mpmath and the formulas alone: at slices, between them, and beyond the first
 and last.
 
-Run with `python tests/golden/model_schema_1.py`; it needs mpmath, and the package for a model not yet there.
+Run with `python tests/golden/models.py`; it needs mpmath, and the package for a model not yet there.
 """
 
 import json
 from pathlib import Path
 
 import mpmath as mp
+import numpy as np
 
 HERE = Path(__file__).parent
-#: Of the azimuthal term, as a number of this schema: a model file does not hold it.
+#: Of the azimuthal term; a file of schema 1 does not hold it.
 WIDTH = "0.01"
 SPIKE = [[0.0, 30.0], [4.5, 0.1], [0.0, 7.0]]
 MODEL = {
@@ -36,6 +37,12 @@ MODEL = {
         [[0.3, -0.5], [0.0, 1e-17]],
     ],
 }
+PROFILE = {
+    "theta_d": [0.1, 0.6],
+    "theta_h": [[0.0, 0.25, 1.0]],
+    "mean": [[[1.5, 0.2, None], [2.0, 0.1, 0.0]], [[1.0, 0.125, 1e-9], [None, None, None]]],
+    "amplitude": [[[None, 0.01, None], [None, -0.02, 0.0]], [[0.5, 0.0, 1e-12], [None, None, None]]],
+}
 ANGLES = [
     [0.0, 0.1, 0.0],
     [0.008, 0.3, 2.0],
@@ -50,11 +57,15 @@ ANGLES = [
 ]
 
 
-def write_model(path, spike):
+def write_model(path, spike, profile):
     """A model file of the package."""
     from dsbrdf import DSBRDF
     from dsbrdf.measured.brdf import Source
+    from dsbrdf.slices import MeasuredProfile
 
+    if profile:
+        arrays = {name: np.array(values, dtype=float) for name, values in profile.items()}
+        profile = MeasuredProfile(**arrays | {"theta_h": np.repeat(arrays["theta_h"], 2, axis=0)})
     source = {"file": "hand.binary", "sha256": "0" * 64, "description": "made by hand: é, 1/sr"}
     model = DSBRDF(
         **MODEL,
@@ -68,6 +79,7 @@ def write_model(path, spike):
             "min_theta_h": 0.017453292519943295,
         },
         errors={"rel_rms": 0.012345678901234567, "monotone_floor": float("nan")},
+        profile=profile,
     )
     model.save(path)
 
@@ -95,9 +107,14 @@ def value(spike, channel, theta_h, theta_d, phi_d):
 
 def main():
     """Write the values, and the models that are not there."""
-    for name, spike in (("model-schema-1", None), ("model-schema-1-spike", SPIKE)):
+    cases = (
+        ("model-schema-1", None, None),
+        ("model-schema-1-spike", SPIKE, None),
+        ("model-schema-2", SPIKE, PROFILE),
+    )
+    for name, spike, profile in cases:
         if not (HERE / f"{name}.json").exists():
-            write_model(HERE / f"{name}.json", spike)
+            write_model(HERE / f"{name}.json", spike, profile)
         with mp.workdps(40):
             values = [
                 [float(value(spike, channel, *map(mp.mpf, at))) for channel in range(2)] for at in ANGLES
