@@ -1,10 +1,10 @@
 """Hand-made models of every schema and their values, written beside this file; it takes a second.
 
 `model-schema-1.json` is what `save` wrote when the schema was 1 and there was no spike yet,
-`model-schema-1-spike.json` the same with one, `model-schema-2.json` has a summary of what was measured. Every
-later version has to read them: do not write them again when the layout changes, add the next. The files `*-values.json` have values of the models in 1/sr at angles
-(theta_h, theta_d, phi_d) from mpmath and the formulas alone: at slices, between them, and beyond the first
-and last.
+`model-schema-1-spike.json` the same with one; `model-schema-2.json` has a summary of what was measured.
+Every later version has to read them: do not write them again when the layout changes, add the next. The
+files `*-values.json` have values of the models in 1/sr at angles (theta_h, theta_d, phi_d) from mpmath and
+the formulas alone: at slices, between them, and beyond the first and last.
 
 Run with `python tests/golden/models.py`; it needs mpmath, and the package for a model not yet there.
 """
