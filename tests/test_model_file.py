@@ -347,7 +347,7 @@ SHAPE = "must have shape (theta_d, channel, lobe) like 'kappa' with 4 theta_d, g
             [0.1],
             "'kappa' must have shape (theta_d, channel, lobe) like 'kappa' with 1 theta_d, got",
         ),
-        ("theta_d", "0.1", "'theta_d' must be a non-empty ascending list of angles."),
+        ("theta_d", "0.1", "'theta_d' must hold numbers, got '0.1'."),
         ("theta_d", {"a": 1}, ""),
         ("theta_d", ["a"], ""),
         ("theta_d", [10**400], ""),

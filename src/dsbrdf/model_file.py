@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsbrdf import _files
+from dsbrdf.curves import COEFFICIENTS, Curves
 from dsbrdf.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.brdf import Source
 from dsbrdf.model import DSBRDF
@@ -25,11 +28,15 @@ PARAMETERS = ("theta_d", "kappa", "gamma", "beta")
 SPIKE = "spike"
 #: Since schema 2; the only one there is so far.
 WIDTH = "azimuthal_width"
+#: Since schema 2, in place of the parameters of slices.
+CURVES = "curves"
 PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
 #: Numbers of the profile, which is there for plots.
 PROFILE_DIGITS = 5
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
+#: Commas and brackets, as each may stand for 30 bytes of memory or more.
+MAX_MARKS = 3_000_000
 
 
 class ModelFormatError(ValueError):
@@ -51,7 +58,7 @@ def save(model: DSBRDF, path: str | Path) -> None:
         "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), "
         "spike (theta_d, channel)",
         WIDTH: AZIMUTHAL_WIDTH,
-        **{key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)},
+        **_parameters_to_json(model),
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
         "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
@@ -60,6 +67,13 @@ def save(model: DSBRDF, path: str | Path) -> None:
         content["profile"] = _profile_to_json(model.profile)
     with _files.aside(path) as part:
         part.write_text(_to_text(content) + "\n", encoding="utf-8")
+
+
+def _parameters_to_json(model: DSBRDF) -> dict[str, Any]:
+    """Parameters of the slices, or the curves that they are tabulated from."""
+    if model.curves is not None:
+        return {CURVES: model.curves.to_json()}
+    return {key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)}
 
 
 def _to_text(content: dict[str, Any]) -> str:
@@ -95,7 +109,7 @@ def _rounded(values: Any) -> Any:
 
 
 def _profile_from_json(content: dict[str, Any]) -> MeasuredProfile:
-    arrays = {name: np.array(content[name], dtype=np.float64) for name in PROFILE}
+    arrays = {name: _numbers(content, name) for name in PROFILE}
     theta_h = np.broadcast_to(arrays["theta_h"], (len(arrays["theta_d"]), arrays["theta_h"].shape[-1]))
     return MeasuredProfile(**(arrays | {"theta_h": theta_h}))
 
@@ -118,11 +132,16 @@ def load(path: str | Path) -> DSBRDF:
         If the file cannot be read.
     """
     path = Path(path)
-    size = path.stat().st_size
+    size = _files.regular_size(path)
     if size > MAX_BYTES:
         raise ModelFormatError(f"{path}: not a model file: {size:,} bytes are more than any model has.")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if text.count(",") + 2 * text.count("[") + 8 * text.count("{") > MAX_MARKS:
+            raise ModelFormatError(f"{path}: not a model file: more values than any model has.")
+        content = json.loads(text)
+    except ModelFormatError:
+        raise
     # A ValueError also comes of a number with thousands of digits
     except (ValueError, RecursionError) as error:
         raise ModelFormatError(f"{path}: not a model file: not JSON ({error}).") from None
@@ -131,7 +150,7 @@ def load(path: str | Path) -> DSBRDF:
     schema = content.get("schema")
     if type(schema) is not int or not 1 <= schema <= SCHEMA:
         raise ModelFormatError(
-            f"{path}: schema {schema!r} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
+            f"{path}: schema {schema!r:.40} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
         )
     if content.get(WIDTH, AZIMUTHAL_WIDTH) != AZIMUTHAL_WIDTH:
         raise ModelFormatError(
@@ -145,9 +164,9 @@ def load(path: str | Path) -> DSBRDF:
                 f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
             )
     try:
-        return DSBRDF(
-            **{key: np.array(content[key], dtype=np.float64) for key in PARAMETERS},
-            spike=np.array(content[SPIKE], dtype=np.float64) if SPIKE in content else None,
+        make, parameters = _parameters_from_json(content)
+        return make(
+            **parameters,
             name=str(content.get("name") or ""),
             source=Source(description=str(source.get("description", "")), recorded=source),
             fit_options=options,
@@ -156,5 +175,31 @@ def load(path: str | Path) -> DSBRDF:
         )
     except KeyError as error:
         raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
         raise ModelFormatError(f"{path}: not a sound model: {error}") from None
+
+
+def _parameters_from_json(content: dict[str, Any]) -> tuple[Callable[..., DSBRDF], dict[str, Any]]:
+    """What makes the model, and its parameters."""
+    if content.get(CURVES):
+        curves = content[CURVES]
+        for key in COEFFICIENTS:
+            _numbers(curves, key)
+        return Curves.from_json(curves).model, {}
+    spike = _numbers(content, SPIKE) if SPIKE in content else None
+    return DSBRDF, {key: _numbers(content, key) for key in PARAMETERS} | {"spike": spike}
+
+
+def _numbers(content: dict[str, Any], key: str) -> NDArray[np.float64]:
+    """Array of an entry; NumPy alone would take text and booleans for numbers."""
+    array = np.array(content[key], dtype=np.float64)
+    _refuse_other_than_numbers(content[key], key)
+    return array
+
+
+def _refuse_other_than_numbers(value: Any, key: str) -> None:
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, list):
+            _refuse_other_than_numbers(item, key)
+        elif item is not None and type(item) not in (int, float):
+            raise TypeError(f"'{key}' must hold numbers, got {item!r:.40}.")
