@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
 
+MAX_HEIGHT: float
+MAX_LN_GAMMA: float
+MAX_ASIN_BETA: float
+
 class _Fit(TypedDict):
     kappa: _Floats
     gamma: _Floats
@@ -30,6 +34,7 @@ def fit(
     azimuthal: bool,
     follow: bool,
     log_offset: float | None,
+    max_height: _Floats | None = None,
 ) -> _Fit: ...
 def grow(moments: _Floats, ln_cos: _Floats, n_lobes: int) -> list[tuple[_Floats, _Floats]]: ...
 def em(

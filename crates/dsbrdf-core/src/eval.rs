@@ -7,7 +7,7 @@ use crate::exp::{exp, expm1};
 /// Directions handled together, so that the loops over lobes run in vector instructions.
 const BLOCK: usize = 64;
 /// Directions given to a thread at a time.
-const CHUNK: usize = 64 * BLOCK;
+pub const CHUNK: usize = 64 * BLOCK;
 
 /// The numbers of a model, (theta_d, channel, lobe) flattened; theta_d ascending.
 pub struct Model<'a> {

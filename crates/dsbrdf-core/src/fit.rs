@@ -80,12 +80,12 @@ fn add_azimuthal(slices: &[Slice], n_channels: usize, candidates: &mut Vec<Vec<S
 
 /// Whether squares that fall from `without` to `with` are worth one number more a lobe, slice and channel.
 ///
-/// The Bayesian information criterion, with the two residual rows of each theta_h as the observations.
+/// The Bayesian information criterion, with the residual rows of each theta_h as the observations.
 fn pays(slices: &[Slice], n_lobes: usize, without: f64, with: f64) -> bool {
     let known = || slices.iter().filter(|slice| slice.energy > 0.0);
     let rounding = 1e-6 * known().map(|slice| slice.energy).sum::<f64>();
-    let rows: f64 = known().map(|slice| 2.0 * slice.len as f64).sum();
-    let price: f64 = known().map(|slice| n_lobes as f64 * (2.0 * slice.len as f64).ln()).sum();
+    let rows: f64 = known().map(|slice| slice.rows() as f64).sum();
+    let price: f64 = known().map(|slice| n_lobes as f64 * (slice.rows() as f64).ln()).sum();
     rows * ((without + rounding) / (with + rounding)).ln() > price
 }
 
@@ -219,16 +219,25 @@ pub fn grow_all(slices: &[Slice], n_lobes: usize) -> Vec<Vec<Vec<Lobe>>> {
 }
 
 /// Slices (theta_d, channel) from moments (theta_d, channel, theta_h, moment), with `ln_cos` and `factor`
-/// (theta_d, theta_h).
+/// (theta_d, theta_h), and the height (theta_d, channel) that no lobe may go above, NaN where it is not known.
 #[must_use]
-pub fn slices(moments: &[f64], ln_cos: &[f64], factor: &[f64], shape: [usize; 3], loss: Loss) -> Vec<Slice> {
+pub fn slices(
+    moments: &[f64],
+    ln_cos: &[f64],
+    factor: &[f64],
+    max_height: Option<&[f64]>,
+    shape: [usize; 3],
+    loss: Loss,
+) -> Vec<Slice> {
     let [_, n_channels, n_h] = shape;
     moments
         .par_chunks_exact((n_h * crate::profile::MOMENTS).max(1))
         .enumerate()
         .map(|(i, moments)| {
             let row = i / n_channels * n_h..(i / n_channels + 1) * n_h;
-            Slice::new(moments, &ln_cos[row.clone()], &factor[row], loss)
+            let mut slice = Slice::new(moments, &ln_cos[row.clone()], &factor[row], loss);
+            slice.max_height = max_height.map_or(f64::NAN, |height| height[i]).min(slice.max_height);
+            slice
         })
         .collect()
 }

@@ -6,13 +6,13 @@ use crate::slice::{LANES, Loss, Slice};
 
 /// Least `ln kappa`: below, a lobe is as good as absent.
 const LN_KAPPA_LOW: f64 = -40.0;
-/// A lobe is at most this many times as high as the brightest point of the slice. Samples near the pole are not
-/// fitted, and nothing else keeps a narrow lobe from growing there without bound.
-const MAX_HEIGHT: f64 = 100.0;
-/// Range of `ln gamma`: within it, changes of shape can be told apart in double precision.
-const LN_GAMMA: (f64, f64) = (-14.0, 14.0);
-/// Range of `asin beta`.
-const ASIN_BETA: (f64, f64) = (-1.57, 1.57);
+/// Where nothing is known of the pole, a lobe is at most this many times as high as the brightest point of the slice.
+/// Samples near the pole are not fitted, and nothing else keeps a narrow lobe from growing there without bound.
+pub const MAX_HEIGHT: f64 = 100.0;
+/// Greatest `ln gamma`, either way: within it, changes of shape can be told apart in double precision.
+pub const MAX_LN_GAMMA: f64 = 14.0;
+/// Greatest `asin beta`, either way.
+pub const MAX_ASIN_BETA: f64 = 1.57;
 
 /// The least-squares problem of a slice.
 pub struct Mixture<'a> {
@@ -41,7 +41,7 @@ impl<'a> Mixture<'a> {
             slice,
             target: slice.mean.clone(),
             azimuthal,
-            ln_kappa_high: (MAX_HEIGHT * slice.mean.iter().fold(0.0, |x: f64, &y| x.max(y))).ln_1p().ln(),
+            ln_kappa_high: slice.max_height.ln_1p().ln(),
             lobes: vec![Lobe { kappa: 0.0, gamma: 0.0, beta: 0.0 }; n_lobes],
             value: vec![0.0; n_lobes * n],
             slope: vec![0.0; n_lobes * n],
@@ -167,7 +167,9 @@ impl LeastSquares for Mixture<'_> {
     fn limits(&self, i: usize) -> (f64, f64) {
         // Dim slices have low peaks
         let low = LN_KAPPA_LOW.min(self.ln_kappa_high - 10.0);
-        [(low, self.ln_kappa_high), LN_GAMMA, ASIN_BETA][i % parameters(self.azimuthal)]
+        let about_zero = |most: f64| (-most, most);
+        [(low, self.ln_kappa_high), about_zero(MAX_LN_GAMMA), about_zero(MAX_ASIN_BETA)]
+            [i % parameters(self.azimuthal)]
     }
 }
 

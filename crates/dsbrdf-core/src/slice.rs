@@ -1,5 +1,6 @@
 //! One theta_d slice of one channel, ready for least squares.
 
+use crate::mixture::MAX_HEIGHT;
 use crate::profile::{COUNT, MOMENTS, SUM_C, SUM_CC, SUM_F, SUM_FC, SUM_FF};
 
 /// Rows are padded to a multiple of this with weight zero, so that inner loops have no remainder.
@@ -32,6 +33,8 @@ pub struct Slice {
     pub floor: f64,
     /// Sum of squares of the samples (for relative errors and stopping).
     pub energy: f64,
+    /// What no lobe may be higher than.
+    pub max_height: f64,
 }
 
 impl Slice {
@@ -51,6 +54,7 @@ impl Slice {
             y_b: Vec::new(),
             floor: 0.0,
             energy: 0.0,
+            max_height: 0.0,
         };
         for ((m, &ln_cos), &g) in moments.chunks_exact(MOMENTS).zip(ln_cos).zip(factor) {
             if m[COUNT] > 0.0 {
@@ -58,6 +62,7 @@ impl Slice {
             }
         }
         slice.len = slice.ln_cos.len();
+        slice.max_height = MAX_HEIGHT * slice.mean.iter().fold(0.0, |x: f64, &y| x.max(y));
         let padded = slice.len.next_multiple_of(LANES);
         for row in [
             &mut slice.ln_cos,
@@ -93,6 +98,12 @@ impl Slice {
         self.y_b.push(along * unit);
         self.floor += (var_f - along * along).max(0.0) * unit * unit;
         self.energy += m[SUM_FF] * unit * unit;
+    }
+
+    /// Number of residual rows that hold anything: samples of one phi_d tell nothing of its cosine alone.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.len + self.w_b.iter().filter(|&&w| w > 0.0).count()
     }
 
     /// The sum of squares over phi_d that no model of theta_h alone can go below (same loss).

@@ -1,11 +1,12 @@
 //! Values of a model at pairs of directions.
 
-use dsbrdf_core::eval::{Model, first_not_unit as find};
+use dsbrdf_core::eval::{CHUNK, Model, first_not_unit as find};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{elements, shaped};
+use crate::pool;
 
 /// Values (direction, channel) of a model with parameters (theta_d, channel, lobe) at `wi` and `wo` (direction, xyz).
 #[pyfunction]
@@ -55,7 +56,7 @@ pub fn eval<'py>(
     let n = wi.len() / 3;
     let mut values = vec![0.0; n * n_channels];
     if n_channels > 0 {
-        py.detach(|| model.eval(wi, wo, &mut values));
+        pool::run_if_above(CHUNK, n, py, || model.eval(wi, wo, &mut values));
     }
     PyArray1::from_vec(py, values).reshape([n, n_channels].as_slice())
 }
@@ -68,5 +69,5 @@ pub fn first_not_unit(
     tolerance: f64,
 ) -> PyResult<Option<usize>> {
     let directions = elements(&directions, "directions")?;
-    Ok(py.detach(|| find(directions, tolerance)))
+    Ok(pool::run_if_above(CHUNK, directions.len() / 3, py, || find(directions, tolerance)))
 }

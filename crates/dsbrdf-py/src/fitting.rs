@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{elements, shaped};
+use crate::pool;
 
 /// kappa and gamma as arrays.
 type ScaleAndShape<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
@@ -20,7 +21,7 @@ type EmResult = (Vec<(f64, f64)>, Vec<f64>, bool);
 
 /// Fits moments (theta_d, channel, theta_h, moment) at `ln_cos` (theta_d, theta_h); a dict of arrays.
 #[pyfunction]
-#[pyo3(signature = (moments, ln_cos, factor, *, n_lobes, method, azimuthal, follow, log_offset))]
+#[pyo3(signature = (moments, ln_cos, factor, *, n_lobes, method, azimuthal, follow, log_offset, max_height=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn fit<'py>(
     py: Python<'py>,
@@ -32,6 +33,7 @@ pub fn fit<'py>(
     azimuthal: bool,
     follow: bool,
     log_offset: Option<f64>,
+    max_height: Option<PyReadonlyArrayDyn<'py, f64>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
     let method = match method {
@@ -44,9 +46,11 @@ pub fn fit<'py>(
     let moments = elements(&moments, "moments")?;
     let ln_cos = shaped(&ln_cos, &[n_d, n_h], "ln_cos")?;
     let factor = shaped(&factor, &[n_d, n_h], "factor")?;
+    let max_height =
+        max_height.as_ref().map(|height| shaped(height, &[n_d, n_channels], "max_height")).transpose()?;
     let plan = Plan { n_lobes, method, azimuthal, follow };
-    let fits = py.detach(|| {
-        let build = |loss| slices(moments, ln_cos, factor, shape, loss);
+    let fits = pool::run(py, || {
+        let build = |loss| slices(moments, ln_cos, factor, max_height, shape, loss);
         let l2 = build(Loss::L2);
         match log_offset {
             None => fit_slices(&l2, &l2, n_channels, plan),
@@ -87,9 +91,9 @@ pub fn grow<'py>(
     let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
     let moments = elements(&moments, "moments")?;
     let ln_cos = shaped(&ln_cos, &[n_d, n_h], "ln_cos")?;
-    let fits = py.detach(|| {
+    let fits = pool::run(py, || {
         let factor = vec![0.0; n_d * n_h];
-        grow_all(&slices(moments, ln_cos, &factor, shape, Loss::L2), n_lobes)
+        grow_all(&slices(moments, ln_cos, &factor, None, shape, Loss::L2), n_lobes)
     });
     let part = |k: usize, part: fn(&Lobe) -> f64| {
         let values = fits.iter().flat_map(|grown| &grown[k - 1]).map(part).collect();

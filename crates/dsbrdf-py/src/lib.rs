@@ -3,12 +3,20 @@
 mod arrays;
 mod evaluation;
 mod fitting;
+mod pool;
 mod profiles;
 
 use pyo3::prelude::*;
 
 #[pymodule(gil_used = false)]
 mod _core {
+    /// Limits of the fit.
+    #[pymodule_export]
+    const MAX_HEIGHT: f64 = dsbrdf_core::mixture::MAX_HEIGHT;
+    #[pymodule_export]
+    const MAX_LN_GAMMA: f64 = dsbrdf_core::mixture::MAX_LN_GAMMA;
+    #[pymodule_export]
+    const MAX_ASIN_BETA: f64 = dsbrdf_core::mixture::MAX_ASIN_BETA;
     #[pymodule_export]
     use crate::evaluation::{eval, first_not_unit};
     #[pymodule_export]

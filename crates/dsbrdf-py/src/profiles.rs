@@ -7,6 +7,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::arrays::{elements, shaped};
+use crate::pool;
 
 /// Moments (slice, channel, theta_h, moment) over phi_d of the rows `theta_d` of a table.
 ///
@@ -34,7 +35,7 @@ pub fn collapse<'py>(
         scale: shaped(&scale, &[n_channels], "scale")?,
         cos_2phi: shaped(&cos_2phi, &[n_phi], "cos_2phi")?,
     };
-    let moments = py.detach(|| table.collapse(&theta_d));
+    let moments = pool::run(py, || table.collapse(&theta_d));
     PyArray1::from_vec(py, moments).reshape([theta_d.len(), n_channels, n_h, MOMENTS].as_slice())
 }
 

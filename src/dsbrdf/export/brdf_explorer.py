@@ -1,0 +1,43 @@
+"""Write a model for Disney's BRDF Explorer, https://github.com/wdas/brdf: a `.brdf` file with the shader in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dsbrdf import _files, shader
+from dsbrdf.model import DSBRDF
+
+__all__ = ["write_brdf_explorer"]
+
+BRDF = """
+vec3 BRDF(vec3 L, vec3 V, vec3 N, vec3 X, vec3 Y) {
+    vec3 wi = vec3(dot(L, X), dot(L, Y), dot(L, N));
+    vec3 wo = vec3(dot(V, X), dot(V, Y), dot(V, N));
+    return dsbrdf_eval(wi, wo);
+}
+"""
+
+
+def write_brdf_explorer(model: DSBRDF, path: str | Path) -> None:
+    """Write a model as an analytic `.brdf` file with its numbers in the shader.
+
+    Raises
+    ------
+    ValueError
+        If the model does not have three channels.
+    OSError
+        If the file cannot be written.
+
+    Notes
+    -----
+    The program puts the text into shaders of GLSL 1.30 and 4.10. It drops lines that start with `#` as comments of
+    its own, and has a uniform named `gamma`: hence no preprocessor, and a prefix on every name.
+    """
+    # A line break in a name would end the comment
+    name = " ".join(model.name.split())
+    text = (
+        f"analytic\n\n# {name or 'dsbrdf'}\n\n::begin parameters\n::end parameters\n\n"
+        f"::begin shader\n\n{shader.baked(model)}{BRDF}\n::end shader\n"
+    )
+    with _files.aside(path) as part:
+        part.write_text(text, encoding="utf-8")
