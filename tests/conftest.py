@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from dsbrdf import tabulate
+from dsbrdf import material, tabulate, write_merl
 
 # The first example of a test may have to wait for an import or a file
 settings.register_profile("dsbrdf", settings.default, deadline=None)
@@ -84,6 +84,24 @@ def merl_file(tmp_path_factory):
         np.array([90, 90, 180], dtype="<i4").tofile(file)
         stored.astype("<f8").tofile(file)
     return path
+
+
+@pytest.fixture(scope="session")
+def table_file(tmp_path_factory):
+    """A built-in material as a file in the layout of MERL."""
+    path = tmp_path_factory.mktemp("table") / "gold.binary"
+    write_merl(material("rough-gold"), path)
+    return path
+
+
+@pytest.fixture
+def database(table_file, tmp_path):
+    """A folder of three files."""
+    folder = tmp_path / "database"
+    folder.mkdir()
+    for name in ("c", "a", "b"):
+        (folder / f"{name}.binary").hardlink_to(table_file)
+    return folder
 
 
 @pytest.fixture(scope="session")

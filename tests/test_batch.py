@@ -18,23 +18,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 OPTIONS = {"n_lobes": 1, "n_slices": 3}
 
 
-@pytest.fixture(scope="session")
-def table_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("table") / "gold.binary"
-    dsbrdf.write_merl(dsbrdf.material("rough-gold"), path)
-    return path
-
-
-@pytest.fixture
-def database(table_file, tmp_path):
-    """A folder of three files."""
-    folder = tmp_path / "database"
-    folder.mkdir()
-    for name in ("c", "a", "b"):
-        (folder / f"{name}.binary").hardlink_to(table_file)
-    return folder
-
-
 @pytest.fixture
 def fitted(monkeypatch):
     """Names that are fitted, as they are."""
@@ -305,9 +288,9 @@ def test_a_folder_that_holds_nothing(tmp_path, database):
     targets, failures = batch.expand([tmp_path / "empty", database / "a.binary"])
     assert targets == [str(database / "a.binary")]
     assert [failure.status for failure in failures] == [
-        f"{tmp_path / 'empty'}: no .binary file in this folder."
+        f"{tmp_path / 'empty'}: no .binary or .bsdf file in this folder."
     ]
-    with pytest.raises(ValueError, match=r"no \.binary file in this folder"):
+    with pytest.raises(ValueError, match=r"no \.binary or \.bsdf file in this folder"):
         batch.expand([tmp_path / "empty"], strict=True)
 
 
@@ -327,7 +310,7 @@ def test_memory_is_bounded(monkeypatch):
     names = [f"m{i}" for i in range(20)]
     outcomes = batch.fit_many(names, done=lambda outcome: finished.append(outcome.target), **OPTIONS)
     assert finished == [outcome.target for outcome in outcomes] == names
-    assert max(most) <= batch.AHEAD
+    assert max(most) <= batch.WORKERS + batch.AHEAD
 
 
 def test_two_at_a_time(monkeypatch):
@@ -348,3 +331,45 @@ def test_the_same_as_one_by_one(small_table, monkeypatch):
     expected = dsbrdf.fit(small_table, **OPTIONS).errors.rel_rms
     outcomes = batch.fit_many([f"m{i}" for i in range(6)], **OPTIONS)
     assert [outcome.summary["rel_rms"] for outcome in outcomes] == [expected] * 6
+
+
+# As a library
+
+
+def test_a_folder_and_what_comes_of_it(database):
+    outcomes = dsbrdf.fit_many(database, **OPTIONS)
+    assert [Path(outcome.target).name for outcome in outcomes] == ["a.binary", "b.binary", "c.binary"]
+    expected = dsbrdf.fit(dsbrdf.read(database / "a.binary"), **OPTIONS).model
+    for outcome in outcomes:
+        assert isinstance(outcome, dsbrdf.Outcome)
+        np.testing.assert_array_equal(outcome.model.kappa, expected.kappa)
+    (database / "empty").mkdir()
+    with pytest.raises(ValueError, match=r"no \.binary or \.bsdf file in this folder"):
+        dsbrdf.fit_many(database / "empty")
+
+
+def test_measurements_one_by_one(small_table, tmp_path):
+    """Of an iterable that makes them: no more are there than are worked on, and results come as they are done."""
+    made, done, most = [], [], []
+
+    def measurements():
+        for i in range(12):
+            made.append(i)
+            most.append(len(made) - len(done))
+            yield dataclasses.replace(small_table, name=f"m{i}")
+
+    outcomes = dsbrdf.fit_many(measurements(), tmp_path, done=done.append, **OPTIONS)
+    assert done == outcomes
+    assert [outcome.target for outcome in outcomes] == [f"m{i}" for i in range(12)]
+    assert max(most) <= batch.WORKERS + batch.AHEAD + 1
+    assert len(list(tmp_path.glob("*.json"))) == 12 + batch.RECORD.endswith(".json")
+
+
+def test_scattered_samples(tmp_path, rng):
+    w = np.abs(rng.normal(size=(2, 80, 3)))
+    w /= np.linalg.norm(w, axis=-1, keepdims=True)
+    scan = dsbrdf.Samples("scan", *w, 0.2 + 0.1 * w[0, :, 2:])
+    (outcome,) = dsbrdf.fit_many([scan], tmp_path, plots=False)
+    assert outcome.error is None
+    assert dsbrdf.load(outcome.path).name == "scan"
+    assert outcome.summary["samples"] == 80

@@ -164,7 +164,8 @@ def test_a_file_wins_over_a_material_of_its_name(run, monkeypatch, tmp_path):
     status, out, err = run("fit", "matte", "--json")
     assert status == 1
     assert not out
-    assert err == ["dsbrdf: error: matte: not a MERL file: expected 34,992,012 bytes, the file has 11."]
+    expected = "no samples: expected lines of numbers after a header and comments, or another format."
+    assert err == [f"dsbrdf: error: matte: {expected}"]
 
 
 def test_options_reach_the_fit(run, gold_file, tmp_path):
@@ -238,7 +239,7 @@ def test_bad_files_do_not_stop_the_others(run, gold_file, tmp_path):
     assert status == 1
     assert [json.loads(line)["name"] for line in out.splitlines()] == ["gold"]
     assert err == [
-        f"dsbrdf: error: {tmp_path / 'empty'}: no .binary file in this folder.",
+        f"dsbrdf: error: {tmp_path / 'empty'}: no .binary or .bsdf file in this folder.",
         f"dsbrdf: error: {text}: not a MERL file: expected 34,992,012 bytes, the file has 4.",
         f"dsbrdf: error: {short}: not a whole MERL file: the header says 90 x 90 x 180 (34,992,012 bytes), "
         "the file has 5,000 bytes. Fetch it again.",

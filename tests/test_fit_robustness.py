@@ -60,7 +60,7 @@ def test_says_what_is_wrong_with_an_option(options, text):
 
 def test_warns_once_and_points_at_the_caller():
     with pytest.warns(
-        ConvergenceWarning, match=r"of 54 slices \(theta_d=.*channel.*out of iterations"
+        ConvergenceWarning, match=r"of 54 slices \(theta_d [0-9.]+ degrees channel.*out of iterations"
     ) as caught:
         fitted = fit(built_in("polished-chrome"), 3, method="em")
     assert len(caught) == 1

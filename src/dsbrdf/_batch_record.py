@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dsbrdf import _files
-from dsbrdf.measured import MeasuredBRDF
+from dsbrdf.measured import MeasuredBRDF, Samples
 
 __all__ = ["RECORD", "TABLES", "Book", "figure_path", "source_of"]
 
@@ -31,7 +31,7 @@ def figure_path(path: Path, ending: str) -> Path:
     return path.with_name(f"{path.stem}{ending}.png")
 
 
-def source_of(measured: MeasuredBRDF) -> dict[str, Any] | None:
+def source_of(measured: MeasuredBRDF | Samples) -> dict[str, Any] | None:
     """What tells a file from others without reading it; None for built-in materials."""
     file = measured.source.file
     if file is None:
@@ -55,7 +55,7 @@ class Book:
         self.earlier = {} if force else dict(self.entries)
 
     def still_good(
-        self, name: str, measured: MeasuredBRDF, source: dict[str, Any] | None, plots: bool
+        self, name: str, measured: MeasuredBRDF | Samples, source: dict[str, Any] | None, plots: bool
     ) -> dict[str, Any] | None:
         """The entry of an earlier run that need not be repeated; completes `source` by its hash."""
         entry = self.earlier.get(name)

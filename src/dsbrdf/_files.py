@@ -6,11 +6,12 @@ import contextlib
 import errno
 import hashlib
 import os
+import stat
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["aside", "sha256"]
+__all__ = ["aside", "regular_size", "sha256"]
 
 
 @contextlib.contextmanager
@@ -42,3 +43,21 @@ def sha256(path: str | Path) -> str:
     """SHA-256 of a file, hexadecimal."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def regular_size(path: str | Path) -> int:
+    """Size in bytes of a regular file; anything else could be read without end, or wait for ever.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it is a folder.
+    ValueError
+        If it is a device, a pipe or a socket.
+    """
+    status = Path(path).stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"{path}: not a regular file. Copy what it gives to a file first.")
+    return status.st_size

@@ -4,24 +4,47 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dsbrdf import _files, materials
 from dsbrdf._batch_record import RECORD, TABLES, Book, figure_path, source_of
 from dsbrdf.fit import Fit, FitStatus, fit
-from dsbrdf.measured import MeasuredBRDF, read
+from dsbrdf.measured import MeasuredBRDF, Samples, read
+from dsbrdf.model import DSBRDF
 from dsbrdf.selection import LobeSelection
 
-__all__ = ["RECORD", "TABLES", "Outcome", "describe", "expand", "fit_many", "open_target"]
+if TYPE_CHECKING:
+    from dsbrdf._worker import Workers
+
+__all__ = [
+    "RECORD",
+    "TABLES",
+    "Outcome",
+    "Target",
+    "WorkerDiedError",
+    "describe",
+    "expand",
+    "fit_many",
+    "open_target",
+]
+
+#: A file, the name of a built-in material, or what was measured.
+Target = str | Path | MeasuredBRDF | Samples
 
 #: One fit uses all cores for most of its time; a second fills in while the first reads.
 WORKERS = 2
-#: Begun before the first is handed on: bounds what is held in memory.
-AHEAD = WORKERS + 1
+#: Begun beyond those that are worked on, before the first is handed on: bounds what is held in memory.
+AHEAD = 1
+#: Files of a folder that are fitted.
+SUFFIXES = (".binary", ".bsdf")
+
+
+class WorkerDiedError(RuntimeError):
+    """The process of a fit ended before the fit did."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +54,7 @@ class Outcome:
     Parameters
     ----------
     target : str
-        The file, or the built-in material.
+        The file, the built-in material, or the name of what was given.
     summary : dict or None
         `Fit.summary`, with "criterion", its values for 1, 2, ... lobes, where the number was chosen; None if the
         fit failed.
@@ -45,6 +68,8 @@ class Outcome:
         Why there is no model.
     selection : LobeSelection or None
         Why there are so many lobes, if that was chosen in this run.
+    model : DSBRDF or None
+        The model, if it was fitted in this run.
     """
 
     target: str
@@ -54,6 +79,7 @@ class Outcome:
     kept: bool = False
     error: Exception | None = None
     selection: LobeSelection | None = field(default=None, repr=False)
+    model: DSBRDF | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +98,7 @@ def describe(error: BaseException) -> str:
     """What an error says, in a sentence for who uses the command."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'standard output'}: {error.strerror}."
-    if isinstance(error, OSError | ValueError | ImportError):
+    if isinstance(error, OSError | ValueError | ImportError | WorkerDiedError):
         return str(error)
     if isinstance(error, MemoryError):
         return "out of memory."
@@ -80,7 +106,7 @@ def describe(error: BaseException) -> str:
 
 
 def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[str], list[Outcome]]:
-    """Files and names of materials, with folders replaced by the `.binary` files in them.
+    """Files and names of materials, with folders replaced by the tables in them.
 
     Returns
     -------
@@ -101,10 +127,14 @@ def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[s
 
 
 def _inside(folder: Path) -> list[str]:
-    inside = [entry for entry in folder.iterdir() if entry.suffix.lower() == ".binary" and not entry.is_dir()]
+    inside = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.is_dir()]
     if not inside:
-        raise ValueError(f"{folder}: no .binary file in this folder.")
+        raise ValueError(f"{folder}: no {' or '.join(SUFFIXES)} file in this folder.")
     return sorted(map(str, inside))
+
+
+def _label(target: Target) -> str:
+    return target.name if isinstance(target, MeasuredBRDF | Samples) else str(target)
 
 
 def _failure(target: str, error: Exception) -> str:
@@ -112,7 +142,7 @@ def _failure(target: str, error: Exception) -> str:
     return text if target in text else f"{target}: {text}"
 
 
-def open_target(target: str) -> MeasuredBRDF:
+def open_target(target: str) -> MeasuredBRDF | Samples:
     """The measured file, or else the built-in material, of this name.
 
     Raises
@@ -135,9 +165,10 @@ def open_target(target: str) -> MeasuredBRDF:
 
 
 def fit_many(
-    targets: Sequence[str | Path],
+    targets: str | Path | Iterable[Target],
     out: str | Path | None = None,
     *,
+    processes: int = 0,
     record: bool = True,
     force: bool = False,
     strict: bool = False,
@@ -155,10 +186,14 @@ def fit_many(
 
     Parameters
     ----------
-    targets : sequence of str or Path
-        Files and names of built-in materials, see `expand`.
+    targets : str, Path, or iterable of str, Path, MeasuredBRDF or Samples
+        Files, names of built-in materials and measurements; or a folder of files. An iterable is taken from as the
+        work goes on, so that measurements can be made one by one.
     out : str or Path, optional
         Folder for models `<name>.json`; none are written by default.
+    processes : int, optional
+        Fit in so many processes of their own: a fit that crashes or is killed is tried once more, and then noted as
+        failed while the others go on. By default two threads of this process, which are as fast.
     record : bool, optional
         Keep models of an earlier run, and write `fits.csv`, `fits.md` and a record for the next run, in `out`.
     force : bool, optional
@@ -172,7 +207,7 @@ def fit_many(
     begin : callable, optional
         Told what is begun, in the thread that does it.
     done : callable, optional
-        Told in order what became of each.
+        Told in order what became of each, as it comes.
     **options
         Of `dsbrdf.fit`.
 
@@ -186,15 +221,24 @@ def fit_many(
     OSError
         If a file in `out` cannot be written.
     """
+    if isinstance(targets, str | Path):
+        targets, _ = expand([targets], strict=True)
+    if processes < 0:
+        raise ValueError(f"'processes' must be at least 0, got {processes}.")
     folder = None if out is None else Path(out)
+    workers = None
+    if processes:
+        from dsbrdf._worker import Workers
+
+        workers = Workers(processes)
     book = Book(folder if record else None, options, force=force)
     taken: dict[Path, str] = {}
     outcomes: list[Outcome] = []
     failures: list[tuple[str, str]] = []
 
-    def work(target: str) -> _Work:
-        begin(target)
-        return _work(target, options, book, plots)
+    def work(target: Target) -> _Work:
+        begin(_label(target))
+        return _work(target, options, book, plots, workers)
 
     def finish(target: str, of_thread: _Work) -> Outcome:
         error = of_thread.error
@@ -210,7 +254,12 @@ def fit_many(
             taken[path] = target
         return _finish(target, of_thread, path, book, plots)
 
-    with book.tables(failures), contextlib.closing(_ahead(work, list(map(str, targets)))) as results:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(book.tables(failures))
+        results = stack.enter_context(contextlib.closing(_ahead(work, targets, processes or WORKERS)))
+        if workers is not None:
+            # Before the threads that wait for them
+            stack.callback(workers.close)
         for target, waited_for in results:
             step(target)
             outcomes.append(finish(target, waited_for.result()))
@@ -219,15 +268,15 @@ def fit_many(
 
 
 def _ahead(
-    work: Callable[[str], _Work], targets: Sequence[str]
+    work: Callable[[Target], _Work], targets: Iterable[Target], n_threads: int
 ) -> Generator[tuple[str, Future[_Work]], None, None]:
     """Targets in order, and what will come of them; a few are begun before they are asked for."""
-    pool = ThreadPoolExecutor(WORKERS)
+    pool = ThreadPoolExecutor(n_threads)
     begun: deque[tuple[str, Future[_Work]]] = deque()
     try:
         for target in targets:
-            begun.append((target, pool.submit(work, target)))
-            if len(begun) == AHEAD:
+            begun.append((_label(target), pool.submit(work, target)))
+            if len(begun) == n_threads + AHEAD:
                 yield begun.popleft()
         while begun:
             yield begun.popleft()
@@ -235,20 +284,26 @@ def _ahead(
         pool.shutdown(cancel_futures=True)
 
 
-def _work(target: str, options: Mapping[str, Any], book: Book, plots: bool) -> _Work:
-    name = Path(target).stem
+def _work(
+    target: Target, options: Mapping[str, Any], book: Book, plots: bool, workers: Workers | None
+) -> _Work:
+    name = Path(_label(target)).stem
     try:
-        measured = open_target(target)
+        target = str(target) if isinstance(target, Path) else target
+        measured = open_target(target) if isinstance(target, str) else target
         name = measured.name
         source = source_of(measured) if book.folder is not None else None
         entry = book.still_good(name, measured, source, plots)
         if entry is not None:
             return _Work(name, source, entry=entry)
-        result = fit(measured, **options)
-        if book.folder is not None:
-            # Hashed here, while the other thread fits
-            _ = measured.source.sha256
-        summary = result.summary()
+        if workers is not None:
+            result, summary = workers.fit(target, measured, options, book.folder is not None)
+        else:
+            result = fit(measured, **options)
+            if book.folder is not None:
+                # Hashed here, while the other thread fits
+                _ = measured.source.sha256
+            summary = result.summary()
         if result.selection is not None:
             summary["criterion"] = result.selection.values.tolist()
         return _Work(name, source, result, summary)
@@ -275,7 +330,7 @@ def _finish(target: str, work: _Work, path: Path | None, book: Book, plots: bool
         entry = {"source": source, "model_sha256": hashed, "summary": work.summary, "status": status}
         book.add(work.name, {**entry, "options": book.options})
         book.save()
-    return Outcome(target, work.summary, path, status, selection=result.selection)
+    return Outcome(target, work.summary, path, status, selection=result.selection, model=result.model)
 
 
 def _write_figures(result: Fit, path: Path) -> None:

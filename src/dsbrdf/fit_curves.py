@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dsbrdf import half_diff, metrics
 from dsbrdf._minimise import Minimum, minimise
 from dsbrdf.curves import LN_GAMMA, LN_KAPPA, CurveBasis, Curves
-from dsbrdf.fit_slices import ConvergenceWarning
+from dsbrdf.fit_slices import ConvergenceWarning, brightest
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.model import DSBRDF
 from dsbrdf.slices import SliceProfile, slice_profiles, stack_profiles
@@ -41,6 +41,7 @@ def fit_curves(
     basis: CurveBasis | None = None,
     *,
     loss: str = "l2",
+    near_pole: Sequence[SliceProfile] | None = None,
 ) -> tuple[Curves, list[Minimum]]:
     """Fit curves to slices, from a model of slices whose lobes correspond over theta_d.
 
@@ -54,6 +55,8 @@ def fit_curves(
         By default quadratic with five knots uniform in cos(theta_d); `CurveBasis()` is that of the paper.
     loss : {"l2", "log"}, optional
         See `dsbrdf.fit`.
+    near_pole : sequence of SliceProfile, optional
+        The slices with no lower cut of theta_h, which bound what lobes do below it.
 
     Returns
     -------
@@ -82,10 +85,13 @@ def fit_curves(
     names = ("kappa", "gamma", "beta") if np.any(start.beta) else ("kappa", "gamma")
     design = basis.design(theta_d)
     fitted = {name: getattr(smoothed, name).copy() for name in ("kappa", "gamma", "beta")}
+    heights = np.full(moments.shape[:2], np.nan) if near_pole is None else brightest(near_pole, profiles)
     minima = []
     for channel in range(start.n_channels):
         x = np.stack([fitted[name][channel] for name in names], axis=1)
-        problem = ChannelProblem(moments[:, channel], theta_h, theta_d, design, log_offset)
+        problem = ChannelProblem(
+            moments[:, channel], theta_h, theta_d, design, log_offset, heights[:, channel]
+        )
         x, minimum = minimise(problem, x)
         for i, name in enumerate(names):
             fitted[name][channel] = x[:, i]
@@ -113,7 +119,9 @@ def refit(fit: Fit, basis: CurveBasis | None = None, *, strict: bool = False) ->
         n_rows = len(fit.measured.theta_d)
         near_pole = slice_profiles(fit.measured, n_slices=n_rows, min_theta_h=0.0, **masks)
         profiles = [profile.cut(fit.options["min_theta_h"]) for profile in near_pole]
-    curves, minima = fit_curves(profiles, fit.model, basis, loss=fit.options["loss"])
+    curves, minima = fit_curves(
+        profiles, fit.model, basis, loss=fit.options["loss"], near_pole=near_pole
+    )
     theta_d = np.array([profile.theta_d for profile in profiles])
     parameters = curves.at(theta_d)
     heights = spike_heights(near_pole, *parameters[:2]) if np.any(fit.model.spike) else np.zeros(0)
@@ -156,6 +164,8 @@ class ChannelProblem:
         Values of the basis.
     log_offset : float, optional
         In 1/sr, of the logarithmic loss; least squares by default.
+    max_height : (theta_d,) ndarray, optional
+        Greatest height of a lobe in 1/sr, NaN where it is not known.
 
     Notes
     -----
@@ -170,6 +180,7 @@ class ChannelProblem:
         theta_d: NDArray[np.float64],
         design: NDArray[np.float64],
         log_offset: float | None = None,
+        max_height: NDArray[np.float64] | None = None,
     ) -> None:
         n, f, ff, c, cc, fc = np.moveaxis(moments, -1, 0)
         some = n > 0.0
@@ -190,16 +201,20 @@ class ChannelProblem:
         self.floor = float((np.maximum(var_f - along**2, 0.0) * unit**2).sum())
         self.energy = float((ff * unit**2).sum())
         peak = max(float(mean.max()), np.finfo(float).tiny)
-        self.ln_kappa_high = min(float(np.log(np.log1p(MAX_HEIGHT * peak))), LN_KAPPA[1])
+        height = np.full(len(mean), MAX_HEIGHT * peak)
+        if max_height is not None:
+            height = np.where(max_height > 0.0, max_height, height)
+        self.ln_kappa_high = np.minimum(_greatest(np.log(np.log1p(height)), design), LN_KAPPA[1])
 
     def limits(self, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Least and greatest coefficients, each of `shape` (lobe, parameter, coefficient)."""
         # Dim channels have low peaks
-        low = [min(LN_KAPPA[0], self.ln_kappa_high - 10.0), LN_GAMMA[0], -1.0]
-        high = [self.ln_kappa_high, LN_GAMMA[1], 1.0]
-        bounds = (np.array(bound)[: shape[1], None] for bound in (low, high))
-        low_all, high_all = (np.broadcast_to(bound, shape).copy() for bound in bounds)
-        return low_all, high_all
+        low, high = np.empty(shape), np.empty(shape)
+        low[:, 0] = min(LN_KAPPA[0], self.ln_kappa_high.min() - 10.0)
+        high[:, 0] = self.ln_kappa_high
+        low[:, 1], high[:, 1] = LN_GAMMA
+        low[:, 2:], high[:, 2:] = -1.0, 1.0
+        return low, high
 
     def cost(self, x: NDArray[np.float64]) -> float:
         """Half the sum of squares less `floor` (without beta: and less the constant rows)."""
@@ -254,3 +269,9 @@ class ChannelProblem:
             columns[:, :, 1, rows_of] = columns[:, :, 0, rows_of] * by_gamma
             columns[:, :, 2, rows_of] = by_b * lobes
         return columns.reshape(n_slices, -1, 2 * n_h)
+
+
+def _greatest(values: NDArray[np.float64], design: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest of `values` (theta_d,) where each function (coefficient,) of the basis has half of its peak or more."""
+    near = design >= 0.5 * np.maximum(design.max(0), np.finfo(float).tiny)
+    return np.where(near.any(0), np.where(near, values[:, None], -np.inf).max(0), values.max())

@@ -17,11 +17,28 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome
+    from dsbrdf.check import CheckReport
+    from dsbrdf.data import Database
     from dsbrdf.demo import DemoRow
     from dsbrdf.model import DSBRDF
+    from dsbrdf.render.picture import Row
     from dsbrdf.selection import LobeSelection
+    from dsbrdf.space import MaterialSpace
 
-__all__ = ["json_line", "print_demo", "print_fits", "print_model", "print_outcomes", "progress", "with_path"]
+__all__ = [
+    "json_line",
+    "print_check",
+    "print_databases",
+    "print_demo",
+    "print_fits",
+    "print_model",
+    "print_nearest",
+    "print_outcomes",
+    "print_pictures",
+    "print_space",
+    "progress",
+    "with_path",
+]
 
 #: What the columns of the tables of fits mean.
 FLOORS = (
@@ -30,6 +47,11 @@ FLOORS = (
 )
 #: Incident angles in degrees at which albedos are told.
 ALBEDO_ANGLES = (0, 45, 75)
+#: Why the paper's condition on energy stands beside the albedo.
+PAPER_SUM = (
+    "Sum of 1/C over lobes, largest of the slices: the paper asks for at most 1. It lacks the cosine of the light and "
+    "the factor 4 cos(theta_d) from half vectors to directions: the albedo is what counts."
+)
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160
 
@@ -120,14 +142,53 @@ def print_fits(summaries: Sequence[Mapping[str, Any]], written: str = "") -> Non
     for row in summaries:
         rest = (f"{row['log_rms']:.3f}", f"{1e3 * row['seconds']:.0f}")
         table.add_row(row["name"], str(row["n_lobes"]), *_errors(row), *rest)
-    _print_table(table, written)
+    _print_table(table, written, _remarks(summaries))
 
 
-def _print_table(table: Table, written: str) -> None:
+#: From this bivariate floor on, a material is named as one that is more than a function of two angles.
+HIGH_FLOOR = 0.15
+
+
+def _remarks(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What a table of fits does not say: where floors are high, and how far samples tell."""
+    lines = []
+    for row in summaries:
+        floor, error = row["bivariate_floor"], row["rel_rms"]
+        if math.isfinite(floor) and floor >= HIGH_FLOOR:
+            # Below the bivariate floor only the azimuthal term leads
+            least = floor if error >= floor else row["azimuthal_floor"]
+            lines.append(
+                f"{row['name']}: high bivariate floor, {_percent(floor)} %: it depends on more than theta_h and "
+                f"theta_d. Of the {_percent(error)} % error, {100 * least / error:.0f} % no model of this kind can "
+                "remove."
+            )
+        if "samples" in row:
+            lines.append(_samples_remark(row))
+    return lines
+
+
+def _samples_remark(row: Mapping[str, Any]) -> str:
+    left = ", ".join(f"{count} {reason}" for reason, count in row["left_out"].items())
+    text = f"{row['name']}: {row['samples_used']} of {row['samples']} samples in {row['slices']} slices"
+    text += f" (left out: {left})" if left else ""
+    if row["slices_without_data"]:
+        text += f", {row['slices_without_data']} of them without a sample and filled from others"
+    held_out = row["held_out_log_rms"]
+    if math.isfinite(held_out):
+        text += (
+            f". Samples held out are missed by a factor of {math.exp(held_out):.2f} (log rms {held_out:.3f}); "
+            f"directions unlike those measured may be missed by more"
+        )
+    return f"{text}."
+
+
+def _print_table(table: Table, written: str, remarks: Sequence[str] = ()) -> None:
     console = _console()
     console.print(table)
     console.print()
     console.print(FLOORS)
+    for remark in remarks:
+        console.print(remark)
     if written:
         console.print(f"Written: {written}", soft_wrap=True)
 
@@ -150,6 +211,19 @@ def print_demo(rows: Sequence[DemoRow], written: str) -> None:
             f"{row.table_bytes / row.model_bytes:,.0f}",
         )
     _print_table(table, written)
+
+
+def print_pictures(rows: Sequence[Row]) -> None:
+    """Print how the pictures differ from the first of their row, if some were compared."""
+    table = _table("material", "picture", "CIEDE2000\nmean", "99th\npercentile", "SSIM")
+    table.columns[1].justify = "left"
+    for row in rows:
+        for tile in row.tiles:
+            if (found := tile.difference) is not None:
+                numbers = (f"{found.mean:.2f}", f"{found.worst:.2f}", f"{found.ssim:.4f}")
+                table.add_row(row.title, tile.title, *numbers)
+    if table.row_count:
+        _console().print(table)
 
 
 def print_model(model: DSBRDF) -> None:
@@ -230,13 +304,63 @@ def _components(model: DSBRDF) -> list[Table]:
 def _albedos(model: DSBRDF) -> Table:
     import numpy as np
 
+    return _albedo_table(np.deg2rad(ALBEDO_ANGLES), model.albedo(np.deg2rad(ALBEDO_ANGLES)))
+
+
+def _albedo_table(theta_i: Any, albedo: Any) -> Table:
     names: Sequence[str] = ("red", "green", "blue")
-    if model.n_channels != len(names):
-        names = [f"channel {i}" for i in range(model.n_channels)]
+    if albedo.shape[1] != len(names):
+        names = [f"channel {i}" for i in range(albedo.shape[1])]
     table = _table("albedo at", *names)
-    for angle, values in zip(ALBEDO_ANGLES, model.albedo(np.deg2rad(ALBEDO_ANGLES)), strict=True):
-        table.add_row(f"{angle} degrees", *(f"{value:.3f}" for value in values))
+    for theta, values in zip(theta_i, albedo, strict=True):
+        table.add_row(f"{math.degrees(theta):.0f} degrees", *(f"{value:.3f}" for value in values))
     return table
+
+
+def print_check(result: CheckReport) -> None:
+    """Print the numbers of a check of a model."""
+    albedos = _albedo_table(result.theta_i, result.albedo)
+    albedos.add_row("sum of 1/C", *(f"{value:.3f}" for value in result.paper_sum.max(0)))
+    sampler = _table("sampler at", "chi-square\np-value", "weight\nstd", "cosine\nstd")
+    for theta, *row in zip(result.theta_o, result.p_value, result.weight_std, result.cosine_std, strict=True):
+        sampler.add_row(f"{math.degrees(theta):.0f} degrees", *(f"{value:.2f}" for value in row))
+    console = _console()
+    for part in (albedos, "", sampler, "", PAPER_SUM):
+        console.print(part)
+    console.print(
+        f"Exchanged directions differ by {result.reciprocity:g}; the least value is {result.minimum:.3g}/sr."
+    )
+
+
+def print_databases(databases: Sequence[Database], here: Mapping[str, Sequence[Path]]) -> None:
+    """Print what can be fetched, under which licence, and how much of it is here."""
+    table = _table("database", "what", "licence", "here", "page")
+    for column in table.columns:
+        column.justify = "left"
+    for of in databases:
+        count = f"{len(here[of.name])} of {len(of.names)}" if of.names else str(len(here[of.name]))
+        table.add_row(of.name, of.title, of.licence, count, of.page)
+    _console().print(table)
+
+
+def print_space(space: MaterialSpace, written: Path) -> None:
+    """Print what a space holds and where it was written."""
+    explained = space.fpca.explained
+    table = _table("variance", "components")
+    for share in (0.9, 0.95, 0.99):
+        table.add_row(f"{share:.0%}", str(space.fpca.n_components(share)))
+    console = _console()
+    console.print(f"{space!r} in {written}")
+    console.print(f"first two components: {explained[:2].sum():.1%} of the variance")
+    console.print(table)
+
+
+def print_nearest(nearest: Sequence[tuple[str, float]]) -> None:
+    """Print names of materials and their distances."""
+    table = _table("material", "distance")
+    for name, distance in nearest:
+        table.add_row(name, f"{distance:.3f}")
+    _console().print(table)
 
 
 def json_line(summary: Mapping[str, Any]) -> str:

@@ -97,20 +97,27 @@ def albedo(model: DSBRDF, theta_i: ArrayLike) -> NDArray[np.float64]:
     met, and `d omega_o = 4 (wi . h) d omega_h`.
     """
     theta_i = _check.angle(theta_i, "theta_i")
+    result = np.zeros((*theta_i.shape, model.n_channels))
+    for position, theta in np.ndenumerate(theta_i):
+        wi, wo, weight = albedo_nodes(theta)
+        result[position] = (model.eval(wi, wo) * weight[:, None]).sum(0)
+    return result
+
+
+def albedo_nodes(
+    theta_i: float, n_phi: int = 128
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Direction (3,) toward the light, those (n, 3) toward the viewer, and the weights (n,) of values in the albedo."""
     edges = np.concatenate([[0.0], np.geomspace(1e-4, np.pi / 2, 28)])
     node, node_weight = np.polynomial.legendre.leggauss(8)
     low, width = edges[:-1, None], np.diff(edges)[:, None]
     theta_h = (low + 0.5 * width * (node + 1.0)).ravel()
     weight_h = (0.5 * width * node_weight).ravel() * np.sin(theta_h)
-    phi = np.pi * (np.arange(128) + 0.5) / 128
+    phi = np.pi * (np.arange(n_phi) + 0.5) / n_phi
     half = _polar(np.sin(theta_h)[:, None], np.cos(theta_h)[:, None], phi)
-    result = np.zeros((*theta_i.shape, model.n_channels))
-    for position, theta in np.ndenumerate(theta_i):
-        wi = np.array([np.sin(theta), 0.0, np.cos(theta)])
-        cos_d = half @ wi
-        wo = 2.0 * cos_d[..., None] * half - wi
-        some = (cos_d > 0.0) & (wo[..., 2] > 0.0)
-        jacobian = np.where(some, 4.0 * cos_d * wo[..., 2], 0.0) * weight_h[:, None] * (2.0 * np.pi / 128)
-        values = model.eval(wi, wo[some])
-        result[position] = (values * jacobian[some][:, None]).sum(0)
-    return result
+    wi = np.array([np.sin(theta_i), 0.0, np.cos(theta_i)])
+    cos_d = half @ wi
+    wo = 2.0 * cos_d[..., None] * half - wi
+    some = (cos_d > 0.0) & (wo[..., 2] > 0.0)
+    jacobian = 4.0 * cos_d * wo[..., 2] * weight_h[:, None] * (2.0 * np.pi / n_phi)
+    return wi, wo[some], jacobian[some]

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from dsbrdf import _core, half_diff, metrics, williams
 from dsbrdf.slices import SliceProfile, stack_profiles
 
-__all__ = ["ALPHA", "MAX_LOBES", "LobeSelection", "divergence", "select_lobes"]
+__all__ = ["ALPHA", "MAX_TRIED_LOBES", "LobeSelection", "divergence", "select_lobes"]
 
 #: Upper bound from which lobes are taken away.
-MAX_LOBES = 6
+MAX_TRIED_LOBES = 6
 #: Level of Williams' test (Section 5).
 ALPHA = 0.01
 #: Relative error of a measurement below which differences of shape do not count.
@@ -84,7 +84,7 @@ def select_lobes(
     profiles: Sequence[SliceProfile],
     *,
     criterion: str = "williams",
-    max_lobes: int = MAX_LOBES,
+    max_lobes: int = MAX_TRIED_LOBES,
     alpha: float = ALPHA,
     held_out: Sequence[SliceProfile] | None = None,
 ) -> LobeSelection:

@@ -43,16 +43,24 @@ class SliceProfile:
     theta_h : (theta_h,) ndarray, radians
     moments : (channel, theta_h, 6) ndarray
         Count, sum f, sum f^2, sum c, sum c^2, sum f c; all zero where nothing is valid.
+    numbers : (channel, theta_h) ndarray, optional
+        Numbers of samples, where the counts are sums of weights.
     """
 
     theta_d: float
     theta_h: NDArray[np.float64]
     moments: NDArray[np.float64]
+    numbers: NDArray[np.float64] | None = None
 
     @property
     def count(self) -> NDArray[np.float64]:
         """Number (or summed weight) of samples, (channel, theta_h)."""
         return self.moments[..., 0]
+
+    @property
+    def n_samples(self) -> NDArray[np.float64]:
+        """Number of samples, (channel, theta_h)."""
+        return self.count if self.numbers is None else self.numbers
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -76,7 +84,8 @@ class SliceProfile:
     def cut(self, min_theta_h: float) -> SliceProfile:
         """The slice without its samples of theta_h below `min_theta_h` (radians)."""
         kept = self.theta_h >= min_theta_h
-        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0))
+        numbers = None if self.numbers is None else np.where(kept, self.numbers, 0.0)
+        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0), numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +262,9 @@ def gather_profile(
     terms = np.stack([w, w * f, w * f * f, w * c, w * c * c, w * f * c], axis=-1)
     moments = np.zeros((len(nodes), *terms.shape[1:]))
     np.add.at(moments, index, terms)
-    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)))
+    numbers = np.zeros((len(nodes), values.shape[1]))
+    np.add.at(numbers, index, w > 0.0)
+    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)), numbers.T)
 
 
 def stack_profiles(

@@ -16,6 +16,9 @@ def demo(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for models and plots.")
     ] = Path("dsbrdf-demo"),
+    view: Annotated[
+        bool, typer.Option("--view", help="Write a web page that shows the models, too.")
+    ] = False,
 ) -> None:
     """Fit the built-in materials; write models and plots."""
     from dsbrdf import demo as demonstration
@@ -30,3 +33,7 @@ def demo(
         rows = demonstration.run(out, plots=not missing, step=state.announce(step))
     written = "models" if missing else f"models and plots (all materials: {demonstration.OVERVIEW})"
     report.print_demo(rows, f"{written} in {out}")
+    if view:
+        from dsbrdf.view import collect
+
+        typer.echo(f"Page: {collect.view_files([row.path for row in rows], out)}")

@@ -19,6 +19,14 @@ class Loss(StrEnum):
     log = "log"
 
 
+class Criterion(StrEnum):
+    """What chooses the number of lobes."""
+
+    williams = "williams"
+    bic = "bic"
+    held_out = "held-out"
+
+
 @app.command()
 def fit(
     context: typer.Context,
@@ -26,7 +34,7 @@ def fit(
         list[str],
         typer.Argument(
             metavar="FILE",
-            help="MERL .binary files, folders of them, or names of built-in materials.",
+            help="Measured files (MERL, RGL, samples as text, ...), folders of tables, or names of built-in materials.",
             show_default=False,
         ),
     ],
@@ -36,31 +44,61 @@ def fit(
     lobes: Annotated[
         str, typer.Option(metavar="N", help="Lobes in each slice and channel; auto: as few as will do.")
     ] = "auto",
+    criterion: Annotated[
+        Criterion | None,
+        typer.Option(
+            help="What chooses the number of lobes: Williams' test (the default for tables), BIC, or the error on "
+            "samples held out (always for scattered samples).",
+            show_default=False,
+        ),
+    ] = None,
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's model: no azimuthal term, lobes ordered by kappa.")
     ] = False,
     loss: Annotated[
         Loss, typer.Option(help="Squared differences (the paper), or of logarithms, for the tails.")
     ] = Loss.l2,
-    slices: Annotated[int, typer.Option(min=1, help="Slices in theta_d; 18 is every 5 degrees.")] = 18,
+    slices: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Slices in theta_d; for tables 18, every 5 degrees, for scattered samples as they call for.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Write a web page that shows the models, beside them.")
+    ] = False,
+    curves: Annotated[
+        bool,
+        typer.Option(
+            "--curves", help="Smooth over theta_d: splines, fitted to all rows; models are smaller."
+        ),
+    ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
     ] = False,
 ) -> None:
     """Fit measured BRDFs; print how good the fits are."""
-    from dsbrdf import batch, report
+    from dsbrdf import batch, energy, report
 
     if plot and out is None:
         raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
+    if view and out is None:
+        raise typer.BadParameter("the page needs a folder: add -o DIR.", param_hint="'--view'")
     if plot and (missing := missing_plots()):
         raise ModuleNotFoundError(missing)
     if out is not None:
         check_folder(out)
     options: dict[str, Any] = {"n_lobes": _lobe_count(lobes), "loss": loss.value, "n_slices": slices}
+    if criterion is not None:
+        options["criterion"] = criterion.value
     if paper:
         options |= {"azimuthal": False, "order": "kappa"}
+    if curves:
+        options["curves"] = True
     state: State = context.obj
     targets, failures = batch.expand(files, strict=state.debug)
     is_batch = len(files) > 1 or targets != files
@@ -88,8 +126,15 @@ def fit(
     finally:
         if results and not as_json:
             report.print_outcomes(results, out, is_batch=is_batch)
+        if bright := energy.warning(result.model for result in results if result.model is not None):
+            say(bright)
         for failure in failures:
             say(f"error: {failure.status}")
+    if view and results and out is not None:
+        from dsbrdf.view import collect
+
+        page = collect.view_files([outcome.path for outcome in results if outcome.path], out)
+        print(f"Page: {page}", file=sys.stderr if as_json else sys.stdout)
     if failures:
         raise typer.Exit(1)
 

@@ -14,7 +14,7 @@ from dsbrdf.cli._app import State, app, check_folder
 def paper_figures(
     context: typer.Context,
     what: Annotated[
-        str, typer.Argument(metavar="WHAT", help="all, fig1, fig2, fig3, fig5, fig6 or table.")
+        str, typer.Argument(metavar="WHAT", help="all, fig1 to fig10, spheres (of fig5) or table.")
     ] = "all",
     data: Annotated[
         Path | None,

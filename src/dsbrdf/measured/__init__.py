@@ -1,7 +1,18 @@
-"""Measured reflectance: one reader a file format, all giving a `MeasuredBRDF`."""
+"""Measured reflectance: one reader a file format, all giving a `MeasuredBRDF` or `Samples`."""
 
 from dsbrdf.measured.brdf import MeasuredBRDF, Source, tabulate
 from dsbrdf.measured.merl import MerlFormatError, read_merl, write_merl
-from dsbrdf.measured.read import read
+from dsbrdf.measured.read import read, read_samples
+from dsbrdf.measured.samples import Samples
 
-__all__ = ["MeasuredBRDF", "MerlFormatError", "Source", "read", "read_merl", "tabulate", "write_merl"]
+__all__ = [
+    "MeasuredBRDF",
+    "MerlFormatError",
+    "Samples",
+    "Source",
+    "read",
+    "read_merl",
+    "read_samples",
+    "tabulate",
+    "write_merl",
+]

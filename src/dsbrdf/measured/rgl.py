@@ -22,18 +22,25 @@ values are linear between the incident angles too.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf.measured.brdf import MeasuredBRDF, Source, tabulate
+from dsbrdf.measured.cie import srgb_weights
 from dsbrdf.measured.tensor_file import Fields, read_tensor_file
 
-__all__ = ["RGLReflectance", "read_rgl"]
+__all__ = ["MAX_THETA", "RGLReflectance", "read_rgl", "read_rgl_table"]
+
+#: Directions further from the normal are not measured well: the two orders of a pair of them disagree.
+MAX_THETA = float(np.deg2rad(80.0))
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -67,6 +74,45 @@ def read_rgl(path: str | os.PathLike[str]) -> RGLReflectance:
     """
     fields = read_tensor_file(path)
     return RGLReflectance.from_fields(fields, fields.name)
+
+
+def read_rgl_table(path: str | os.PathLike[str], *, convention: str = "centre") -> MeasuredBRDF:
+    """Read an RGL ``.bsdf`` file and tabulate it over half and difference angles, in linear sRGB.
+
+    Parameters
+    ----------
+    path : path-like
+    convention : {"centre", "edge"}, optional
+        Which point of a cell its value belongs to.
+
+    Returns
+    -------
+    MeasuredBRDF
+        On the grid of MERL. An entry is the mean of both orders of its two directions, as the model is
+        reciprocal, zero where that is negative (a saturated colour outside sRGB), and invalid where a direction
+        is more than `MAX_THETA` from the normal. Spectra become linear sRGB, see `RGLReflectance.linear_srgb`.
+
+    Raises
+    ------
+    ValueError
+        As `read_rgl`; also if a spectrum does not cover the visible wavelengths.
+    """
+    path = Path(path)
+    try:
+        measured = read_rgl(path).linear_srgb()
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path.name}: ')}") from None
+    limit = np.cos(MAX_THETA)
+
+    def reciprocal(wi: Array, wo: Array) -> Array:
+        values = np.full((*wi.shape[:-1], measured.values.shape[-1]), np.nan)
+        kept = (wi[..., 2] >= limit) & (wo[..., 2] >= limit)
+        both = measured.eval(wi[kept], wo[kept]) + measured.eval(wo[kept], wi[kept])
+        values[kept] = np.maximum(0.5 * both, 0.0)
+        return values
+
+    source = Source(path, measured.description)
+    return tabulate(reciprocal, path.stem, convention=convention, source=source)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +210,19 @@ class RGLReflectance:
             rows = above[start : start + _PAIRS]
             result[rows] = self._eval_above(flat_i[rows], flat_o[rows])
         return result.reshape(*wi.shape[:-1], result.shape[-1])
+
+    def linear_srgb(self) -> RGLReflectance:
+        """The same in linear sRGB: a spectrum as the CIE 1931 2-degree observer sees it under D65.
+
+        Raises
+        ------
+        ValueError
+            If the wavelengths do not cover the visible ones.
+        """
+        if self.wavelengths is None:
+            return self
+        values = self.values @ srgb_weights(self.wavelengths).T
+        return dataclasses.replace(self, values=values, wavelengths=None)
 
     def _eval_above(self, wi: Array, wo: Array) -> Array:
         """`eval` of (n, 3) directions above the horizon."""

@@ -1,0 +1,62 @@
+"""`dsbrdf convert`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dsbrdf.cli._app import State, app, say
+
+
+class Kind(StrEnum):
+    """Formats that can be written."""
+
+    merl = "merl"
+    rgl = "rgl"
+    npz = "npz"
+    csv = "csv"
+    tsv = "tsv"
+
+
+@app.command()
+def convert(
+    context: typer.Context,
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="A measured file of any format, a model file, or a folder.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; a folder if IN is one.")],
+    kind: Annotated[
+        Kind | None, typer.Option("--to", "-t", help="Format of OUT, if its suffix does not tell.")
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="Columns of text, as in theta_i_deg,theta_o_deg,phi_o_deg,r,g,b."),
+    ] = None,
+) -> None:
+    """Convert measured files to another format; print what it loses."""
+    from dsbrdf import batch
+    from dsbrdf.convert import KINDS
+    from dsbrdf.convert import convert as convert_file
+    from dsbrdf.measured.nbrdf import npy_set
+
+    state: State = context.obj
+    names = None if columns is None else columns.split(",")
+    if not source.is_dir() or npy_set(source) is not None:
+        print(convert_file(source, target, kind, columns=names))
+        return
+    if kind is None:
+        raise typer.BadParameter("a folder needs a format: add -t FORMAT.", param_hint="'--to'")
+    failed = 0
+    for file in sorted(entry for entry in source.iterdir() if entry.is_file()):
+        try:
+            print(convert_file(file, target / f"{file.stem}{KINDS[kind]}", kind, columns=names), flush=True)
+        except (OSError, ValueError, ImportError) as error:
+            if state.debug:
+                raise
+            say(f"error: {batch.describe(error)}")
+            failed += 1
+    if failed:
+        raise typer.Exit(1)

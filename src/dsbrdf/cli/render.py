@@ -1,0 +1,86 @@
+"""`dsbrdf render`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dsbrdf.cli._app import State, app, check_folder, missing_plots
+
+
+class Loss(StrEnum):
+    """Losses of a fit."""
+
+    l2 = "l2"
+    log = "log"
+
+
+@app.command()
+def render(
+    context: typer.Context,
+    what: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL|FILE|NAME",
+            help="Model files, measured files or names of built-in materials; each is a row.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="A .png sheet, or linear pictures in one .exr; default: NAME.png.",
+        ),
+    ] = None,
+    lobes: Annotated[
+        bool, typer.Option("--lobes", help="Also fits with fewer lobes, and each lobe alone (Figs. 4 and 7).")
+    ] = False,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Also other models of measured materials (Fig. 8).")
+    ] = False,
+    envmap: Annotated[
+        Path | None, typer.Option(metavar="HDR", help="Environment map, instead of our own lighting.")
+    ] = None,
+    shape: Annotated[
+        str, typer.Option(metavar="sphere|MESH", help="What to render: a sphere, or a .ply or .obj file.")
+    ] = "sphere",
+    spp: Annotated[int, typer.Option(min=1, help="Samples a pixel.")] = 64,
+    size: Annotated[int, typer.Option(min=1, help="Pixels along a side of each picture.")] = 256,
+    loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.l2,
+) -> None:
+    """Render materials: measured, fitted, by lobe, beside other models; with maps of the difference."""
+    from dsbrdf import report
+    from dsbrdf.render import comparison, picture
+    from dsbrdf.render.scene import View
+
+    path = out or Path(f"{Path(what[0]).stem}.png")
+    if path.suffix.lower() not in (".png", ".exr"):
+        raise typer.BadParameter(
+            f"expected a name that ends in .png or .exr, got '{path}'.", param_hint="'--out'"
+        )
+    if path.suffix.lower() == ".png" and (missing := missing_plots()):
+        raise ModuleNotFoundError(missing)
+    check_folder(path.parent)
+    view = View(shape, envmap, size, spp)
+    state: State = context.obj
+    subjects = []
+    for target in what:
+        state.begin(target)
+        subjects.append(comparison.open_subjects(target, loss=loss.value, lobes=lobes, compare=compare))
+    state.begin("")
+    with report.progress(sum(len(row) for _, row in subjects)) as step:
+        rows = [comparison.render_row(title, row, view, state.announce(step)) for title, row in subjects]
+    if path.suffix.lower() == ".exr":
+        picture.write_exr(rows, path)
+    else:
+        from dsbrdf import plot
+
+        plot.write_figure(picture.sheet(rows), path)
+    report.print_pictures(rows)
+    typer.echo(path)

@@ -1,0 +1,50 @@
+"""`dsbrdf view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dsbrdf.cli._app import State, app
+
+
+@app.command()
+def view(
+    context: typer.Context,
+    models: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL",
+            help="Model files, folders of them, or what fit takes, which is then fitted.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The page.")] = Path("view.html"),
+    space: Annotated[
+        Path | None,
+        typer.Option("--space", metavar="FILE", help="Lay the materials out in this space."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+) -> None:
+    """Write a web page that shows models; it opens from disk."""
+    from dsbrdf import report
+    from dsbrdf.view import collect
+    from dsbrdf.view import view as write_page
+
+    laid_out = None
+    if space is not None:
+        from dsbrdf.space import load_space
+
+        laid_out = load_space(space)
+    state: State = context.obj
+    targets = collect.expand(models)
+    with report.progress(len(targets)) as step:
+        begin = state.announce(step)
+        opened = [collect.open_model(target, begin) for target in targets]
+    state.begin("")
+    write_page(opened, out, space=laid_out)
+    typer.echo(out)
+    if show:
+        typer.launch(str(out))
