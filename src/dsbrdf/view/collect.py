@@ -1,0 +1,74 @@
+"""Models from what the command line names: model files, folders of them, measured files, built-in materials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from dsbrdf import batch, model_file
+from dsbrdf.fit import fit
+from dsbrdf.model import DSBRDF
+from dsbrdf.view.page import view
+
+__all__ = ["PAGE", "expand", "open_model", "view_files"]
+
+#: Name of the page that commands write beside their models.
+PAGE = "view.html"
+
+
+def expand(targets: Sequence[str | Path]) -> list[str]:
+    """Files and names of materials, with folders replaced by the models in them, or else by the measured files.
+
+    Raises
+    ------
+    ValueError
+        If a folder holds neither.
+    OSError
+        If a folder cannot be read.
+    """
+    expanded: list[str] = []
+    for target in targets:
+        path = Path(target)
+        if not path.is_dir():
+            expanded.append(str(target))
+            continue
+        # Records of batches have a name that begins with a point
+        inside = sorted(str(entry) for entry in path.glob("*.json") if not entry.name.startswith("."))
+        if not inside:
+            try:
+                inside, _ = batch.expand([path], strict=True)
+            except ValueError:
+                raise ValueError(
+                    f"{path}: no model file (.json) and no measured file in this folder."
+                ) from None
+        expanded += inside
+    return expanded
+
+
+def open_model(target: str, begin: Callable[[str], None] = lambda _: None) -> DSBRDF:
+    """The model in a file; a measured file or a built-in material is fitted first.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or not sound.
+    OSError
+        If the file cannot be read.
+    """
+    begin(Path(target).stem)
+    if Path(target).suffix.lower() == ".json":
+        return model_file.load(target)
+    return fit(batch.open_target(target)).model
+
+
+def view_files(paths: Sequence[Path], folder: Path) -> Path:
+    """Write the page of model files to their folder, and return its path.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read, or the page not be written.
+    """
+    page = folder / PAGE
+    view([model_file.load(path) for path in paths], page)
+    return page

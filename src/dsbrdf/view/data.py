@@ -1,0 +1,122 @@
+"""The numbers of materials for the page: packed in few bytes, with the loss stated."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf.model import DSBRDF
+from dsbrdf.slices import MeasuredProfile
+
+__all__ = ["Packed", "pack"]
+
+#: Measured means are kept as logarithms in so many steps over so many decades; ROUNDING is the error relative to them.
+DECADES, STEPS = 6, 2**14
+ROUNDING = 0.5 * DECADES * np.log(10.0) / STEPS
+#: Amplitudes over phi_d are kept as so many steps of the mean.
+RATIO_STEPS = 127
+#: Every theta_h of the measurement, or every second, ... or none, whichever comes first within the budget.
+THINNING = (1, 2, 3, 0)
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Arrays of many materials as text, and what tells them apart.
+
+    Parameters
+    ----------
+    materials : list of dict
+        One entry a material for the page's JSON: its name, shapes, errors and origin.
+    floats, words : str
+        Base64 of deflated float32 and uint16, bytes sorted by significance.
+    thinning : int
+        Which theta_h of the measurement are there: each, every second, ...; 0 is none.
+    """
+
+    materials: list[dict[str, Any]]
+    floats: str
+    words: str
+    thinning: int
+
+    @property
+    def size(self) -> int:
+        """About the characters that all this takes."""
+        return len(self.floats) + len(self.words) + len(json.dumps(self.materials, separators=(",", ":")))
+
+
+def pack(models: Sequence[DSBRDF], budget: int) -> Packed:
+    """Pack models, and as much of what was measured as fits in `budget` characters."""
+    for thinning in THINNING:
+        floats: list[NDArray[np.float32]] = []
+        words: list[NDArray[np.uint16]] = []
+        entries = [_pack_material(model, thinning, floats, words) for model in models]
+        packed = Packed(entries, _deflate(floats, np.float32), _deflate(words, np.uint16), thinning)
+        if packed.size <= budget:
+            break
+    return packed
+
+
+def _deflate(arrays: Sequence[NDArray[Any]], dtype: type) -> str:
+    numbers = np.concatenate([np.empty(0, dtype), *arrays])
+    planes = numbers.astype(numbers.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, numbers.itemsize).T
+    return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii")
+
+
+def _pack_material(
+    model: DSBRDF, thinning: int, floats: list[NDArray[np.float32]], words: list[NDArray[np.uint16]]
+) -> dict[str, Any]:
+    splines = model.curves
+    parts: tuple[Any, ...]
+    if splines is None:
+        parts = (model.theta_d, model.kappa, model.gamma, model.beta, model.spike)
+    else:
+        design = splines.basis.design(model.theta_d)
+        parts = (model.theta_d, design, splines.kappa, splines.gamma, splines.beta, splines.spike)
+    floats += [_single(values) for values in parts]
+    entry: dict[str, Any] = {
+        "name": model.name,
+        "shape": list(model.kappa.shape),
+        "errors": {key: value for key, value in model.errors.items() if np.isfinite(value)},
+        "source": model.source.to_json(),
+        "fit": dict(model.fit_options),
+    }
+    if splines is not None:
+        entry["splines"] = {"size": splines.basis.size, "logarithmic": splines.logarithmic}
+    if thinning and model.profile is not None:
+        entry["profile"] = _pack_profile(model.profile, thinning, floats, words)
+    return entry
+
+
+def _single(values: Any) -> NDArray[np.float32]:
+    """Single precision; what is too small for it is kept above zero, as a kappa must be."""
+    array = np.asarray(values, dtype=np.float64)
+    tiny = float(np.finfo(np.float32).tiny)
+    return np.where((array > 0.0) & (array < tiny), tiny, array).astype(np.float32).ravel()
+
+
+def _pack_profile(
+    profile: MeasuredProfile, step: int, floats: list[NDArray[np.float32]], words: list[NDArray[np.uint16]]
+) -> dict[str, Any]:
+    theta_h, mean, amplitude = (a[..., ::step] for a in (profile.theta_h, profile.mean, profile.amplitude))
+    theta_h = theta_h[:1] if (theta_h == theta_h[0]).all() else theta_h
+    positive = mean > 0.0
+    top = float(mean[positive].max()) if positive.any() else 1.0
+    safe = np.where(positive, mean, top)
+    share = 1.0 + np.log10(safe / top) / DECADES
+    levels = np.where(positive, 1 + np.clip(np.rint(share * (STEPS - 1)), 0, STEPS - 1), 0)
+    ratios = np.rint(RATIO_STEPS * np.clip(np.nan_to_num(amplitude / safe), -1.0, 1.0))
+    floats += [_single(profile.theta_d), _single(theta_h), _single([top])]
+    words += [_differences(levels), _differences(ratios)]
+    return {"shape": [len(profile.theta_d), theta_h.shape[1], len(theta_h)]}
+
+
+def _differences(values: NDArray[np.float64]) -> NDArray[np.uint16]:
+    """Differences along the last axis modulo 2^16; those of smooth curves deflate well."""
+    return np.diff(values.astype(np.int64), axis=-1, prepend=0).astype(np.uint16).ravel()

@@ -1,0 +1,107 @@
+// The materials that the page carries: numbers as deflated bytes in base64, names and errors as JSON.
+
+export const meta = JSON.parse(document.getElementById("meta").textContent);
+
+async function inflate(id) {
+  const text = atob(document.getElementById(id).textContent.trim());
+  const bytes = Uint8Array.from(text, (character) => character.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Bytes that were sorted by significance, back in the order of the numbers. */
+function interleave(planes, width) {
+  const count = planes.length / width;
+  const bytes = new Uint8Array(planes.length);
+  for (let plane = 0; plane < width; plane++) {
+    for (let i = 0; i < count; i++) bytes[i * width + plane] = planes[plane * count + i];
+  }
+  return bytes.buffer;
+}
+
+class Reader {
+  constructor(numbers) {
+    this.numbers = numbers;
+    this.at = 0;
+  }
+
+  take(count) {
+    this.at += count;
+    return this.numbers.subarray(this.at - count, this.at);
+  }
+}
+
+/** Sums along rows: the differences are stored, modulo 2^16. */
+function accumulate(differences, rowLength) {
+  const values = new Uint16Array(differences.length);
+  for (let i = 0; i < values.length; i++) {
+    values[i] = (i % rowLength ? values[i - 1] : 0) + differences[i];
+  }
+  return values;
+}
+
+function readProfile(entry, nChannels, floats, words) {
+  const [nSlices, nThetaH, nRows] = entry.shape;
+  const thetaD = floats.take(nSlices);
+  const thetaH = floats.take(nRows * nThetaH);
+  const [top] = floats.take(1);
+  const count = nSlices * nChannels * nThetaH;
+  const levels = accumulate(words.take(count), nThetaH);
+  const ratios = new Int16Array(accumulate(words.take(count), nThetaH).buffer);
+  const { decades, steps, ratioSteps } = meta.quantised;
+  const mean = Float32Array.from(levels, (level) =>
+    level ? top * 10 ** (decades * ((level - 1) / (steps - 1) - 1)) : NaN,
+  );
+  const amplitude = Float32Array.from(ratios, (ratio, i) => (ratio / ratioSteps) * mean[i]);
+  return { thetaD, thetaH, nSlices, nThetaH, nChannels, thetaHRows: nRows, mean, amplitude };
+}
+
+/** kappa, gamma, beta and spike of splines over theta_d: the values of their functions times coefficients. */
+function readSplines({ size, logarithmic }, [nSlices, nChannels, nLobes], floats) {
+  const design = floats.take(nSlices * size);
+  const tabulated = (width, clip) => {
+    const coefficients = floats.take(width * size);
+    return Float32Array.from({ length: nSlices * width }, (_, i) => {
+      const [slice, curve] = [Math.floor(i / width), i % width];
+      let sum = 0;
+      for (let j = 0; j < size; j++) sum += design[slice * size + j] * coefficients[curve * size + j];
+      return clip(sum);
+    });
+  };
+  const { lnKappa, lnGamma } = meta.constants;
+  const clamp = (value, [low, high]) => Math.min(Math.max(value, low), high);
+  const positive =
+    ([low, high], least) =>
+    (value) =>
+      logarithmic ? Math.exp(clamp(value, [low, high])) : clamp(value, [least, Math.exp(high)]);
+  return {
+    kappa: tabulated(nChannels * nLobes, positive(lnKappa, Math.exp(lnKappa[0]))),
+    gamma: tabulated(nChannels * nLobes, positive(lnGamma, 0)),
+    beta: tabulated(nChannels * nLobes, (value) => clamp(value, [-1, 1])),
+    spike: tabulated(nChannels, (value) => Math.max(value, 0)),
+  };
+}
+
+function readSlices([nSlices, nChannels, nLobes], floats) {
+  const count = nSlices * nChannels * nLobes;
+  const [kappa, gamma, beta] = [floats.take(count), floats.take(count), floats.take(count)];
+  return { kappa, gamma, beta, spike: floats.take(nSlices * nChannels) };
+}
+
+function readMaterial(entry, floats, words) {
+  const { shape, splines } = entry;
+  const [nSlices, nChannels, nLobes] = shape;
+  const thetaD = floats.take(nSlices);
+  const parameters = splines ? readSplines(splines, shape, floats) : readSlices(shape, floats);
+  const profile = entry.profile ? readProfile(entry.profile, nChannels, floats, words) : null;
+  return { ...entry, nSlices, nChannels, nLobes, thetaD, ...parameters, profile };
+}
+
+const floatReader = new Reader(new Float32Array(interleave(await inflate("floats"), 4)));
+const wordReader = new Reader(new Uint16Array(interleave(await inflate("words"), 2)));
+
+export const materials = meta.materials.map((entry) => readMaterial(entry, floatReader, wordReader));
+
+export function indexOfMaterial(name) {
+  return materials.findIndex((material) => material.name === name);
+}

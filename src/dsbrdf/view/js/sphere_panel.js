@@ -1,0 +1,157 @@
+// The sphere and its controls: environment, lighting, exposure, dragging, comparison.
+
+import { drawChip } from "./chips.js";
+import { indexOfMaterial, materials } from "./data.js";
+import { readEnvironment } from "./environment.js";
+import { orbit } from "./orbit.js";
+import { formatNumber, html, onResize } from "./plot.js";
+import { ENVIRONMENTS, LIGHTINGS, Sphere } from "./sphere.js";
+import { baseModel, chooseSecond, COMPARISONS, currentModel, setState, state, subscribe } from "./state.js";
+
+const OWN_IMAGE = "own image";
+const canvas = document.getElementById("sphere");
+/** Shown where there is no WebGL2; a canvas has one kind of context for life. */
+const canvas2d = document.getElementById("sphere-2d");
+const panel = document.getElementById("sphere-panel");
+const message = document.getElementById("sphere-message");
+const environmentSelect = document.getElementById("environment");
+const exposureSlider = document.getElementById("exposure");
+
+let sphere = null;
+let shown = {};
+
+export function startSphere(shaders) {
+  fillChoices();
+  sphere = new Sphere(canvas, shaders, { onError: showWithoutWebGL, onProgress: showProgress });
+  orbit(canvas, sphere, { mode: () => document.querySelector("input[name=drag]:checked").value });
+  document.getElementById("reset-view").addEventListener("click", () => sphere.resetRotation());
+  exposureSlider.addEventListener("input", () => setState({ exposure: exposureSlider.valueAsNumber }));
+  environmentSelect.addEventListener("change", () => setState({ environment: environmentSelect.value }));
+  document.getElementById("own-image").addEventListener("change", (event) => useImage(event.target.files[0]));
+  startDrop();
+  subscribe(updateSphere);
+  onResize(canvas, () => sphere.resize());
+  sphere.resize();
+  sphere.start();
+  return sphere;
+}
+
+function fillChoices() {
+  environmentSelect.append(...ENVIRONMENTS.map(({ name, label }) => html("option", { value: name }, label)));
+  const lighting = document.getElementById("lighting");
+  lighting.append(...LIGHTINGS.map(({ name, label }) => html("option", { value: name }, label)));
+  lighting.addEventListener("change", () => setState({ lighting: lighting.value }));
+  const second = document.getElementById("second");
+  second.append(...materials.map(({ name }) => html("option", { value: name }, name)));
+  second.addEventListener("change", () => chooseSecond(indexOfMaterial(second.value)));
+  second.parentElement.hidden = materials.length < 2;
+  const compare = document.getElementById("compare");
+  for (const [value, label] of Object.entries(COMPARISONS)) {
+    const radio = html("input", {
+      type: "radio",
+      name: "compare",
+      value,
+      onchange: () => setState({ compare: value }),
+    });
+    compare.append(html("label", {}, radio, html("span", {}, label)));
+  }
+}
+
+/** What to draw on the two halves; the right one is null for a whole sphere. */
+function halves() {
+  const model = baseModel();
+  if (state.compare === "second" && state.second !== null) return [model, materials[state.second]];
+  if (state.compare === "measured" && model.profile) return [{ ...model, measured: true }, model];
+  return [model, null];
+}
+
+function updateSphere(changed) {
+  const [left, right] = halves();
+  if (shown.left?.kappa !== left.kappa || shown.left.measured !== left.measured || shown.right !== right) {
+    sphere.setMaterials(left, right);
+    shown = { left, right };
+    changed.add("edits");
+  }
+  if (changed.has("edits") || changed.has("spikeOn")) {
+    const values = (key) => state.edits.map((edit) => edit[key]);
+    sphere.setLobes(left.measured ? 1 : 0, values("on"), values("kappa"), values("gamma"), state.spikeOn);
+  }
+  if (changed.has("environment")) useEnvironment();
+  if (changed.has("lighting")) sphere.setLighting(state.lighting);
+  if (changed.has("exposure")) sphere.setExposure(state.exposure);
+  showSphereControls(right);
+  if (panel.classList.contains("without-webgl")) drawChip(canvas2d, currentModel(), 256);
+}
+
+function useEnvironment() {
+  environmentSelect.value = state.environment;
+  if (state.environment !== OWN_IMAGE) sphere.setEnvironment(state.environment);
+}
+
+function showSphereControls(right) {
+  exposureSlider.valueAsNumber = state.exposure;
+  const sign = state.exposure > 0 ? "+" : "";
+  document.getElementById("exposure-value").textContent = `${sign}${formatNumber(state.exposure)} EV`;
+  document.getElementById("lighting").value = state.lighting;
+  document.getElementById("second").value = materials[state.second]?.name ?? "";
+  for (const radio of document.querySelectorAll("input[name=compare]")) {
+    radio.checked = radio.value === state.compare;
+    radio.disabled =
+      (radio.value === "second" && state.second === null) ||
+      (radio.value === "measured" && !baseModel().profile);
+  }
+  const names = state.compare === "measured" ? ["measured", "fitted"] : [baseModel().name, right?.name];
+  document
+    .getElementById("half-names")
+    .replaceChildren(...(right ? names.map((name) => html("span", {}, name)) : []));
+  canvas.setAttribute(
+    "aria-label",
+    `${right ? `${names.join(" and ")} side by side on one sphere` : `A sphere of ${names[0]}`}. Drag or use the arrow keys to turn.`,
+  );
+}
+
+function showProgress({ nSamples, maxSamples }) {
+  document.getElementById("progress").textContent = `${nSamples} of ${maxSamples} samples`;
+}
+
+function showWithoutWebGL(text) {
+  message.textContent = `${text} In its place is a simpler one, under two distant lights.`;
+  message.hidden = false;
+  panel.classList.add("without-webgl");
+  canvas.hidden = true;
+  canvas2d.hidden = false;
+  drawChip(canvas2d, currentModel(), 256);
+  for (const control of panel.querySelectorAll(".needs-webgl")) control.hidden = true;
+}
+
+async function useImage(file) {
+  if (!file) return;
+  message.hidden = true;
+  try {
+    sphere.setEnvironmentImage(await readEnvironment(file));
+    const option =
+      [...environmentSelect.options].find(({ value }) => value === OWN_IMAGE) ??
+      html("option", { value: OWN_IMAGE });
+    option.textContent = file.name;
+    environmentSelect.append(option);
+    environmentSelect.value = OWN_IMAGE;
+    setState({ environment: OWN_IMAGE, lighting: "environment" });
+  } catch (error) {
+    message.textContent = error.message;
+    message.hidden = false;
+  }
+}
+
+function startDrop() {
+  const mark = (over) => panel.classList.toggle("drop", over);
+  panel.addEventListener("dragover", (event) => {
+    event.preventDefault();
+    mark(true);
+  });
+  panel.addEventListener("dragleave", () => mark(false));
+  panel.addEventListener("drop", (event) => {
+    event.preventDefault();
+    mark(false);
+    useImage(event.dataTransfer.files[0]);
+  });
+}

@@ -1,0 +1,138 @@
+"""One HTML file from models: a template, its style, its script, shaders and numbers."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dsbrdf import _files, curves, half_diff, metrics, model_file, shader, sphere, spike
+from dsbrdf.model import DSBRDF
+from dsbrdf.view import data, layout
+from dsbrdf.view.script import bundle
+
+if TYPE_CHECKING:
+    from dsbrdf.space import MaterialSpace
+
+__all__ = ["frame", "page", "view"]
+
+#: A page of a hundred materials is to stay below; what was measured gives way.
+MAX_BYTES = 1_000_000
+#: For what is not counted before: places on the map, and a few constants.
+RESERVE = 20_000
+
+
+def view(models: DSBRDF | Sequence[DSBRDF], path: str | Path, *, space: MaterialSpace | None = None) -> None:
+    """Write a page that shows models; it opens from disk, without a network.
+
+    Parameters
+    ----------
+    models : DSBRDF or sequence of DSBRDF
+        With any number of channels; three are shown as red, green and blue.
+    path : str or Path
+        The HTML file.
+    space : MaterialSpace, optional
+        Where materials lie on the map; by default by the likeness of their reflectance.
+
+    Raises
+    ------
+    ValueError
+        If there is no model, or one does not go into `space`.
+    OSError
+        If the file cannot be written; then nothing is left of it.
+    """
+    text = page(models, space=space)
+    with _files.aside(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = None) -> str:
+    """The text of the page; see `view`."""
+    models = _named([models] if isinstance(models, DSBRDF) else list(models))
+    if not models:
+        raise ValueError("'models' must hold at least one model, got none.")
+    text = _read("template.html")
+    fixed = {
+        "/*{style}*/": _read("style.css"),
+        "/*{script}*/": bundle(),
+        "/*{shaders}*/": _json(shader.sources()),
+    }
+    for mark, part in fixed.items():
+        text = text.replace(mark, part, 1)
+    packed = data.pack(models, MAX_BYTES - RESERVE - len(text.encode()))
+    places, description = layout.place(models, space)
+    for entry, place in zip(packed.materials, places, strict=True):
+        entry |= place
+    numbers = {
+        "/*{meta}*/": _json(_meta(packed, description)),
+        "/*{floats}*/": packed.floats,
+        "/*{words}*/": packed.words,
+        "<!--{about}-->": html.escape(_about(packed)),
+    }
+    for mark, part in numbers.items():
+        text = text.replace(mark, part, 1)
+    return text
+
+
+def frame(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = None, height: int = 860) -> str:
+    """The page inside a frame of some height in pixels, as HTML for a notebook; see `view`."""
+    return (
+        f'<iframe srcdoc="{html.escape(page(models, space=space))}" title="dsbrdf" allow="clipboard-write" '
+        f'style="width: 100%; height: {height}px; border: 0"></iframe>'
+    )
+
+
+def _named(models: Sequence[DSBRDF]) -> list[DSBRDF]:
+    """Models with a name each, no two alike."""
+    seen: dict[str, int] = {}
+    named = []
+    for model in models:
+        name = model.name or "unnamed"
+        seen[name] = seen.get(name, 0) + 1
+        named.append(model.replace(name=name if seen[name] == 1 else f"{name} ({seen[name]})"))
+    return named
+
+
+def _meta(packed: data.Packed, description: str | None) -> dict[str, Any]:
+    return {
+        "materials": packed.materials,
+        "space": None if description is None else {"description": description},
+        "constants": {
+            "azimuthalWidth": half_diff.AZIMUTHAL_WIDTH,
+            "spikeSin2Width": spike.SIN2_WIDTH,
+            "logOffset": metrics.LOG_OFFSET,
+            "lnKappa": curves.LN_KAPPA,
+            "lnGamma": curves.LN_GAMMA,
+        },
+        "quantised": {"decades": data.DECADES, "steps": data.STEPS, "ratioSteps": data.RATIO_STEPS},
+        "lights": sphere.LIGHTS,
+        "file": {
+            "format": model_file.FORMAT,
+            "schema": model_file.SCHEMA,
+            model_file.WIDTH: half_diff.AZIMUTHAL_WIDTH,
+        },
+    }
+
+
+def _about(packed: data.Packed) -> str:
+    """What the page is, and what the numbers in it have lost."""
+    from dsbrdf import __version__
+
+    rounding = f"rounded to {100 * data.ROUNDING:.2f} %"
+    measured = {
+        0: "Measured points are left out, to keep the page small.",
+        1: f"Measured points are {rounding}.",
+    }.get(packed.thinning, f"Of the measured points, one in {packed.thinning} is here, {rounding}.")
+    return f"Written by dsbrdf {__version__}. Parameters are in single precision. {measured}"
+
+
+def _read(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _json(value: Any) -> str:
+    """JSON that may stand inside a script element."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
