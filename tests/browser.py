@@ -1,0 +1,165 @@
+"""Headless Chromium for tests of pages and shaders: Debian's, driven by playwright."""
+
+import base64
+import contextlib
+import shutil
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import sync_playwright
+
+import dsbrdf
+
+#: No network, no sandbox inside of containers, WebGL2 in software.
+ARGUMENTS = (
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--enable-unsafe-swiftshader",
+)
+
+RUN_GLSL = """
+([source, inputs, n, nTexels]) => {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    if (!gl || !gl.getExtension("EXT_color_buffer_float")) throw new Error("no WebGL2 with float targets");
+    const compiled = (type, text) => {
+        const shader = gl.createShader(type);
+        gl.shaderSource(shader, text);
+        gl.compileShader(shader);
+        if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+        return shader;
+    };
+    const program = gl.createProgram();
+    gl.attachShader(program, compiled(gl.VERTEX_SHADER, `#version 300 es
+        void main() {
+            gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);
+        }`));
+    gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, source));
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+    gl.useProgram(program);
+    const texture = (width, height, data) => {
+        gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+        gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, width, height);
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+        if (data) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.FLOAT, data);
+        return gl.getParameter(gl.TEXTURE_BINDING_2D);
+    };
+    const width = 1024, height = Math.ceil(n / width);
+    const bytes = Uint8Array.from(atob(inputs), c => c.charCodeAt(0));
+    const target = texture(width, height, null);
+    texture(width * nTexels, height, new Float32Array(bytes.buffer));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
+    gl.viewport(0, 0, width, height);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    const result = new Float32Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, result);
+    gl.getExtension("WEBGL_lose_context").loseContext();
+    const out = new Uint8Array(result.buffer);
+    let text = "";
+    for (let i = 0; i < out.length; i += 32768) text += String.fromCharCode(...out.subarray(i, i + 32768));
+    return btoa(text);
+}
+"""
+
+
+@contextlib.contextmanager
+def chromium():
+    """A headless browser; `.new_page()` opens a tab.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no Chromium on the path.
+    """
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None:
+        raise FileNotFoundError("no 'chromium' on the path; on Debian: apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def watched(page):
+    """Errors of a page, a list that grows: what it throws, and errors and warnings it writes to the console."""
+    errors = []
+
+    def note(line):
+        # Reading pixels back waits for the device, which a test wants
+        if line.type in ("error", "warning") and "ReadPixels" not in line.text:
+            errors.append(line.text)
+
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", note)
+    return errors
+
+
+def run_glsl(page, functions, expression, *inputs):
+    """Values (n, 4) of a GLSL expression of type vec4, in single precision, for each row of `inputs`.
+
+    Each of `inputs`, (n, up to 4), is there as the vec4 a, b, c, ... of the expression.
+    """
+    n = len(inputs[0])
+    packed = np.zeros((-(-n // 1024) * 1024, len(inputs), 4), dtype="<f4")
+    for i, values in enumerate(inputs):
+        packed[:n, i, : values.shape[1]] = values
+    fetches = "".join(
+        f"vec4 {chr(ord('a') + i)} = texelFetch(u_inputs, at + ivec2({i}, 0), 0);\n"
+        for i in range(len(inputs))
+    )
+    source = f"""#version 300 es
+        precision highp float;
+        precision highp int;
+        precision highp sampler2D;
+        uniform sampler2D u_inputs;
+        out vec4 result;
+        {functions}
+        void main() {{
+            ivec2 at = ivec2(gl_FragCoord.xy) * ivec2({len(inputs)}, 1);
+            {fetches}
+            result = {expression};
+        }}"""
+    text = page.evaluate(RUN_GLSL, [source, base64.b64encode(packed.tobytes()).decode(), n, len(inputs)])
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(-1, 4)[:n].astype(float)
+
+
+ORIGIN = "http://dsbrdf.test"
+JAVASCRIPT = Path(dsbrdf.__file__).parent / "view" / "js"
+BLANK = "<!doctype html><title>test</title><link rel=icon href='data:,'><body style='margin:0'></body>"
+
+
+def open_modules(browser, width=400, height=400, before=None):
+    """A tab, nearly empty, in which `import("/sphere.js")` finds the package's modules; `before` runs ahead of all."""
+    page = browser.new_page(viewport={"width": width, "height": height})
+    if before:
+        page.add_init_script(before)
+
+    def answer(route):
+        name = route.request.url.removeprefix(f"{ORIGIN}/")
+        if name:
+            route.fulfill(
+                body=(JAVASCRIPT / name).read_text(encoding="utf-8"), content_type="text/javascript"
+            )
+        else:
+            route.fulfill(body=BLANK, content_type="text/html")
+
+    page.route(f"{ORIGIN}/**", answer)
+    page.goto(f"{ORIGIN}/")
+    return page
+
+
+def material_json(model):
+    """A model as a material of sphere.js, with lists for arrays."""
+    names = {"thetaD": "theta_d", "kappa": "kappa", "gamma": "gamma", "beta": "beta", "spike": "spike"}
+    arrays = {
+        name: np.asarray(getattr(model, field), dtype=float).ravel().tolist() for name, field in names.items()
+    }
+    shape = {"nSlices": len(model.theta_d), "nChannels": model.n_channels, "nLobes": model.n_lobes}
+    return {"name": model.name, **shape, **arrays}
