@@ -140,6 +140,24 @@ def test_coefficients_stay_within_their_limits(rng):
     assert (np.abs(curves.gamma) <= 14.0).all()
 
 
+def test_samples_near_the_pole_bound_the_lobes(rng):
+    truth = random_curves(rng)
+    whole = profiles_of(truth)
+    # A narrow lobe that no fitted sample sees
+    start = sliced(truth)
+    start = start.replace(kappa=np.where([True, False], 6.0, start.kappa), gamma=start.gamma * [1e5, 1.0])
+    dim = [dataclasses.replace(profile, moments=0.5 * profile.moments) for profile in whole]
+    near_pole = [
+        SliceProfile(p.theta_d, p.theta_h, np.maximum(p.moments, d.moments))
+        for p, d in zip(whole, dim, strict=True)
+    ]
+    curves, _ = fit_curves(dim, start, truth.basis, near_pole=near_pole)
+    brightest = max(np.nanmax(profile.mean) for profile in near_pole)
+    assert np.expm1(curves.at(SLICES)[0]).max() <= 1.5 * brightest
+    free, _ = fit_curves(dim, start, truth.basis)
+    assert np.expm1(free.at(SLICES)[0]).max() > 1.5 * brightest
+
+
 def test_a_slice_without_samples_is_held_by_its_neighbours(rng):
     truth = random_curves(rng)
     whole = profiles_of(truth)

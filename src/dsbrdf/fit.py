@@ -168,6 +168,8 @@ def _fit_table(
     heights = spike_heights(near_pole, *parameters[:2]) if spike else None
     seconds = time.perf_counter() - start
     options = {**how, "n_slices": n_slices, "spike": spike, **masks, "convention": measured.convention}
+    if chosen is not None:
+        options["selection"] = {"criterion": chosen.criterion, "values": chosen.values.tolist()}
     model, errors = model_of(profiles, parameters, heights, measured, options)
     return Fit(model, errors, reports, profiles, seconds, chosen, measured, options)
 

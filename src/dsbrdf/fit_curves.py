@@ -33,6 +33,8 @@ __all__ = ["ChannelProblem", "fit_curves"]
 BASIS = CurveBasis(variable="cosine")
 #: A lobe is at most this many times as high as the brightest mean, as in the fit of slices.
 MAX_HEIGHT = 100.0
+#: Where samples near the pole tell, at most this many times as high as they are: a coefficient acts on many slices.
+ROOM = 1.5
 
 
 def fit_curves(
@@ -119,9 +121,7 @@ def refit(fit: Fit, basis: CurveBasis | None = None, *, strict: bool = False) ->
         n_rows = len(fit.measured.theta_d)
         near_pole = slice_profiles(fit.measured, n_slices=n_rows, min_theta_h=0.0, **masks)
         profiles = [profile.cut(fit.options["min_theta_h"]) for profile in near_pole]
-    curves, minima = fit_curves(
-        profiles, fit.model, basis, loss=fit.options["loss"], near_pole=near_pole
-    )
+    curves, minima = fit_curves(profiles, fit.model, basis, loss=fit.options["loss"], near_pole=near_pole)
     theta_d = np.array([profile.theta_d for profile in profiles])
     parameters = curves.at(theta_d)
     heights = spike_heights(near_pole, *parameters[:2]) if np.any(fit.model.spike) else np.zeros(0)
@@ -203,7 +203,7 @@ class ChannelProblem:
         peak = max(float(mean.max()), np.finfo(float).tiny)
         height = np.full(len(mean), MAX_HEIGHT * peak)
         if max_height is not None:
-            height = np.where(max_height > 0.0, max_height, height)
+            height = np.where(max_height > 0.0, ROOM * max_height, height)
         self.ln_kappa_high = np.minimum(_greatest(np.log(np.log1p(height)), design), LN_KAPPA[1])
 
     def limits(self, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
