@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsbrdf.measured.rgl import RGLReflectance, read_rgl
+from dsbrdf import fit, half_diff, read, write_merl
+from dsbrdf.measured.rgl import MAX_THETA, RGLReflectance, read_rgl
 from dsbrdf.measured.tensor_file import DTYPES, read_tensor_file, write_tensor_file
 
 REFERENCE = json.loads(Path(__file__).with_name("reference").joinpath("rgl.json").read_text())
@@ -297,3 +298,86 @@ def test_against_mitsuba(rgl_folder, name):
     assert np.quantile(relative, 0.9) < 1e-5
     assert relative.max() < 1e-3
     assert error.sum() < 2e-6 * np.abs(expected).sum()
+
+
+# As a table, and as a colour
+
+
+def spectral_fields(wavelengths, spectrum):
+    fields = lambertian_fields((0.5, 0.5, 0.5))
+    rgb = fields.pop("rgb")
+    fields["wavelengths"] = np.asarray(wavelengths, float)
+    fields["spectra"] = rgb[:, :, :1] * np.asarray(spectrum, float)[:, None, None]
+    return fields
+
+
+def test_a_table_of_a_lambertian_surface(tmp_path):
+    table = read(written(tmp_path, lambertian_fields((0.1, 0.2, 0.3))))
+    wi, wo = half_diff.to_directions(table.theta_h[:, None, None], table.theta_d[:, None], table.phi_d)
+    kept = (wi[..., 2] >= np.cos(MAX_THETA)) & (wo[..., 2] >= np.cos(MAX_THETA))
+    np.testing.assert_array_equal(table.valid.all(-1), kept)
+    np.testing.assert_array_equal(table.valid.any(-1), kept)
+    # The 9 x 9 nodes of the file are linear in between
+    np.testing.assert_allclose(
+        np.median(table.values[kept], axis=0), np.array([0.1, 0.2, 0.3]) / np.pi, rtol=0.03
+    )
+    assert (table.name, table.source.file) == ("made", tmp_path / "made.bsdf")
+
+
+def test_an_entry_is_the_mean_of_both_orders_and_never_negative(tmp_path):
+    fields = lambertian_fields((0.5, 0.4, 0.3))
+    rng = np.random.default_rng(3)
+    fields["rgb"] *= rng.uniform(-1.0, 1.0, fields["rgb"].shape)
+    path = written(tmp_path, fields)
+    table, brdf = read(path, convention="edge"), read_rgl(path)
+    assert table.convention == "edge"
+    at = (np.array([3, 20, 44, 60]), np.array([5, 30, 20, 2]), np.array([0, 40, 100, 179]))
+    wi, wo = half_diff.to_directions(table.theta_h[at[0]], table.theta_d[at[1]], table.phi_d[at[2]])
+    mean = 0.5 * (brdf.eval(wi, wo) + brdf.eval(wo, wi))
+    assert (mean < 0.0).any()
+    np.testing.assert_allclose(table.values[at], np.maximum(mean, 0.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("wavelengths", [np.arange(360.0, 1000.0, 3.3), [400, 450, 520, 600, 700]])
+def test_a_grey_spectrum_is_grey(tmp_path, wavelengths):
+    brdf = read_rgl(written(tmp_path, spectral_fields(wavelengths, np.full(len(wavelengths), 0.6))))
+    colour = brdf.linear_srgb()
+    assert colour.wavelengths is None
+    wi, wo = random_directions(1, 50), random_directions(2, 50)
+    np.testing.assert_allclose(colour.eval(wi, wo), brdf.eval(wi, wo)[:, :3], rtol=1e-12)
+    assert colour.linear_srgb() is colour
+
+
+@pytest.mark.parametrize(
+    ("wavelengths", "message"),
+    [
+        ([700.0, 400.0], r"wavelengths must be ascending, got \[700. 400.\]"),
+        ([550.0], "wavelengths must be ascending"),
+        (
+            [420.0, 700.0],
+            "must cover 410 to 680 nm to make a colour, got 420 to 700 nm. Fit the wavelengths as channels",
+        ),
+        ([800.0, 900.0, 1000.0], "must cover 410 to 680 nm"),
+    ],
+)
+def test_spectra_that_make_no_colour_are_refused(tmp_path, wavelengths, message):
+    path = written(tmp_path, spectral_fields(wavelengths, np.ones(len(wavelengths))))
+    with pytest.raises(ValueError, match=f"^{path}: .*{message}"):
+        read(path)
+
+
+def test_an_anisotropic_file_is_refused_by_read(tmp_path):
+    path = written(tmp_path, uniform_fields() | {"phi_i": np.arange(8.0)})
+    with pytest.raises(ValueError, match=f"^{path}: an anisotropic material: expected 1 or 2 azimuths"):
+        read(path)
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REFERENCE["f_cos"])
+def test_a_fit_by_way_of_a_merl_file_is_the_same(rgl_folder, tmp_path, name):
+    table = read(rgl_folder / name)
+    write_merl(table, tmp_path / "x.binary")
+    direct, by_way = (fit(measured, 3).errors for measured in (table, read(tmp_path / "x.binary")))
+    assert by_way.rel_rms == pytest.approx(direct.rel_rms, rel=1e-3)
+    assert by_way.bivariate_floor == pytest.approx(direct.bivariate_floor, rel=1e-9)

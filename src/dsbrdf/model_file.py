@@ -36,7 +36,7 @@ PROFILE_DIGITS = 5
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
 #: Commas and brackets, as each may stand for 30 bytes of memory or more.
-MAX_MARKS = 3_000_000
+MAX_MARKS = 2_400_000
 
 
 class ModelFormatError(ValueError):

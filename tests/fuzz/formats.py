@@ -1,0 +1,145 @@
+"""Small valid files of every format, and what a reader may make of a file: for the fuzz tests and the long run."""
+
+import io
+import struct
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from dsbrdf import DSBRDF, Samples, load, read
+from dsbrdf.measured import nbrdf
+from dsbrdf.measured.rgl import read_rgl
+from dsbrdf.measured.tensor_file import write_tensor_file
+
+#: What a reader may raise.
+CLEAN = (ValueError, OSError)
+MODEL = Path(__file__).parent.parent / "golden" / "model-schema-2.json"
+UP = np.tile([0.0, 0.0, 1.0], (3, 1))
+MERL_BYTES = 12 + 3 * 90 * 90 * 180 * 8
+
+
+def text_file():
+    return b"theta_i_deg,theta_o_deg,phi_o_deg,r,g,b\n10,20,180,1,2,3\n-5.5,60,1e1,0.5,nan,1e-3\n"
+
+
+def _npz(**arrays):
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def npz_samples():
+    return _npz(wi=UP, wo=UP, values=np.ones((3, 2)), weights=np.ones(3), name=np.array("x"))
+
+
+def npz_table():
+    angles = {name: np.array([0.1, 0.5]) for name in ("theta_h", "theta_d", "phi_d")}
+    return _npz(values=np.ones((2, 2, 2, 1)), convention=np.array("edge"), **angles)
+
+
+def npy_array(shape=(3, 4), dtype=float):
+    file = io.BytesIO()
+    np.save(file, np.ones(shape, dtype))
+    return file.getvalue()
+
+
+def rgl():
+    fields = {
+        "description": np.frombuffer(b"made up", np.uint8),
+        "phi_i": np.zeros(1, "f4"),
+        "theta_i": np.array([0.0, 1.5], "f4"),
+        "sigma": np.ones((2, 2), "f4"),
+        "ndf": np.ones((2, 2), "f4"),
+        "vndf": np.ones((1, 2, 2, 2), "f4"),
+        "rgb": np.ones((1, 2, 3, 2, 2), "f4"),
+        "jacobian": np.ones(1, "u1"),
+    }
+    return _written("a.bsdf", lambda path: write_tensor_file(path, fields))
+
+
+def keras():
+    import h5py
+
+    def write(path):
+        with h5py.File(path, "w") as file:
+            for name, shape in (("a", (6, 3)), ("b", (3, 3)), ("c", (3, 3))):
+                file[f"{name}/kernel"], file[f"{name}/bias"] = np.ones(shape, "f4"), np.ones(shape[1], "f4")
+
+    return _written("a.h5", write)
+
+
+def image(name, dtype):
+    import mitsuba as mi
+
+    if mi.variant() is None:
+        mi.set_variant("scalar_rgb")
+    return _written(name, lambda path: mi.Bitmap(np.ones((3, 4, 3), dtype)).write(str(path)))
+
+
+def _written(name, write):
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / name)
+        return (Path(folder) / name).read_bytes()
+
+
+#: By name: the content of a valid file. That of MERL is the head of one.
+VALID = {
+    "merl": lambda: struct.pack("<3i", 90, 90, 180) + np.full(100, 0.5).tobytes(),
+    "rgl": rgl,
+    "text": text_file,
+    "npz samples": npz_samples,
+    "npz table": npz_table,
+    "npy": npy_array,
+    "npy weights": lambda: npy_array((6, 3), "f4"),
+    "keras": keras,
+    "exr": lambda: image("a.exr", np.float32),
+    "png": lambda: image("a.png", np.uint8),
+    "model": MODEL.read_bytes,
+}
+
+
+#: Those that are not `read`, or would tabulate what they read, which takes seconds.
+READERS = {"model": load, "rgl": read_rgl, "keras": nbrdf.read_weights, "npy weights": nbrdf.read_weights}
+
+
+def place(kind, folder, content):
+    """Write a file of some kind, and what belongs to it; its path."""
+    if kind == "npy weights":
+        for part, shape in zip(nbrdf.PARTS, [(6, 3), (3,)] + 2 * [(3, 3), (3,)], strict=True):
+            np.save(folder / f"x_{part}.npy", np.ones(shape, "f4"))
+    path = folder / ("x_fc1.npy" if kind == "npy weights" else "x.binary" if kind == "merl" else "x")
+    path.write_bytes(content)
+    if kind == "merl" and len(content) > 400:
+        # A sparse file: what is not written reads as zero
+        with path.open("r+b") as file:
+            file.truncate(MERL_BYTES)
+    return path
+
+
+def sound(kind, path):
+    """Read a file: it is refused with a reason (False), or makes sense (True)."""
+    try:
+        content = READERS.get(kind, read)(path)
+    except CLEAN as error:
+        if not str(error):
+            raise
+        return False
+    if isinstance(content, DSBRDF):
+        arrays = [getattr(content, name) for name in ("theta_d", "kappa", "gamma", "beta", "spike")]
+        assert all(np.isfinite(array).all() for array in arrays)
+    elif kind == "merl":
+        # Mapped: its numbers are not read
+        assert content.planes.nbytes == MERL_BYTES - 12
+    elif kind in ("keras", "npy weights"):
+        assert all(np.isfinite(array).all() for array in content[1])
+    elif kind == "rgl":
+        assert np.isfinite(content.eval([0.6, 0.0, 0.8], [[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])).all()
+    else:
+        if isinstance(content, Samples):
+            assert np.isfinite(content.wi).all()
+            assert np.isfinite(content.wo).all()
+        values = content.values if isinstance(content, Samples) else content.rows([0])
+        assert not (values < 0.0).any()
+        assert not np.isinf(values).any()
+    return True
