@@ -15,7 +15,7 @@ def test_writes_a_figure(tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [(["fig9"], "'what' must be one of"), (["table", "--data", "nowhere"], "nowhere")],
+    [(["fig99"], "'what' must be one of"), (["table", "--data", "nowhere"], "nowhere")],
 )
 def test_says_what_is_wrong(tmp_path, monkeypatch, capsys, arguments, text):
     from dsbrdf import cli

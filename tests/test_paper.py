@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from dsbrdf import materials, paper, tabulate
-from dsbrdf.paper import claims, subsampling, survey, tables
+from dsbrdf.paper import claims, spheres, subsampling, survey, tables
 from dsbrdf.paper.claims import Status
+from dsbrdf.render import scene
 
 NAMES = ("satin-aluminium", "paint-two-lobe", "matte")
 SHAPE = (45, 18, 24)
@@ -29,6 +30,10 @@ def small(monkeypatch):
     monkeypatch.setattr(subsampling, "subsample", few)
     monkeypatch.setattr(survey, "compare_shapes", functools.partial(survey.compare_shapes, n=1))
     monkeypatch.setattr(survey, "N_SAMPLE", 1)
+    monkeypatch.setattr(spheres, "SIZE", 12)
+    monkeypatch.setattr(spheres, "SPP", 1)
+    monkeypatch.setattr(spheres, "MAX_LOBES", 2)
+    monkeypatch.setattr(scene, "TABLE", (30, 18, 24))
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +78,7 @@ def test_all_names_every_claim_with_a_status(tmp_path):
     lines = [line.split(" | ") for line in report.splitlines() if line.startswith(("| Sec. ", "| Fig. "))]
     assert [cells[1] for cells in lines] == [text for _, text, _ in claims.CLAIMS]
     assert {cells[2].strip("*") for cells in lines} <= {str(status) for status in Status}
-    for figure in ("fig1", "fig2", "fig3", "fig5", "fig6"):
+    for figure in paper.WHAT[1:-1]:
         assert f"({figure}.png)" in report
 
 
@@ -92,8 +97,8 @@ def test_table_of_all_materials(tmp_path, found):
 
 
 def test_unknown_figure(tmp_path):
-    with pytest.raises(ValueError, match=r"'what' must be one of 'all', .*, got 'fig4'"):
-        paper.run("fig4", None, tmp_path)
+    with pytest.raises(ValueError, match=r"'what' must be one of 'all', .*, got 'fig99'"):
+        paper.run("fig99", None, tmp_path)
 
 
 def test_folder_with_other_files(tmp_path, merl_file):

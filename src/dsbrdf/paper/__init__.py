@@ -1,7 +1,7 @@
 """The paper's figures and claims on any set of materials: what `dsbrdf paper` runs.
 
 `run` makes the figures as the paper draws them, a table of all materials, and a report that puts each claim
-beside our number. Figures need the extra `[plot]`.
+beside our number. Figures need the extra `[plot]`; Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,21 @@ if TYPE_CHECKING:
 __all__ = ["WHAT", "n_steps", "run"]
 
 #: What there is to make.
-WHAT = ("all", "fig1", "fig2", "fig3", "fig5", "fig6", "table")
+WHAT = (
+    "all",
+    "fig1",
+    "fig2",
+    "fig3",
+    "fig4",
+    "fig5",
+    "spheres",
+    "fig6",
+    "fig7",
+    "fig8",
+    "fig9",
+    "fig10",
+    "table",
+)
 
 
 def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None] | None = None) -> list[Path]:
@@ -26,8 +40,8 @@ def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None]
 
     Parameters
     ----------
-    what : {"all", "fig1", "fig2", "fig3", "fig5", "fig6", "table"}
-        "table" writes `table.md` and `table.csv`; "all" also `report.md`.
+    what : str
+        One of `WHAT`. "table" writes `table.md` and `table.csv`; "all" also `report.md`; "spheres" are those of Fig. 5.
     data : Path or None
         Folder with MERL .binary files; other files in it are passed over. The built-in materials by default.
     out : Path
@@ -45,7 +59,7 @@ def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None]
     ValueError
         If `what` is unknown, or the folder has no readable .binary file.
     ModuleNotFoundError
-        If a figure is wanted and matplotlib is missing; then nothing is written.
+        If a figure is wanted and matplotlib, or Mitsuba for spheres, is missing; then nothing is written.
     OSError
         If a file cannot be written.
     """
@@ -54,13 +68,17 @@ def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None]
 
 def n_steps(what: str, data: Path | None) -> int:
     """How often `run` with these arguments calls `progress`; the same errors."""
+    from dsbrdf.paper.spheres import n_renders
     from dsbrdf.paper.survey import N_SAMPLE
 
     if what in ("fig1", "fig2", "fig3"):
         return 1
     n = len(_open(what, data).names)
     curves = min(n, 3)
-    return {"table": n, "fig5": n, "fig6": curves, "all": 3 + n + curves + min(n, N_SAMPLE)}[what]
+    renders = n_renders(n)
+    everything = 3 + 2 * n + curves + min(n, N_SAMPLE) + sum(renders.values())
+    surveys = dict.fromkeys(("table", "fig5", "fig9", "fig10"), n)
+    return {"fig6": curves, "all": everything, **surveys, **renders}[what]
 
 
 def _open(what: str, data: Path | None) -> Tables:
@@ -72,10 +90,14 @@ def _open(what: str, data: Path | None) -> Tables:
 
 
 def _run(what: str, tables: Tables, out: Path, progress: Callable[[str], None]) -> list[Path]:
-    from dsbrdf.paper import accuracy, claims, profiles, report, subsampling, survey
+    from dsbrdf.paper import accuracy, claims, profiles, report, spaces, spheres, subsampling, survey
 
     if what != "table":
         from dsbrdf import plot
+    if what == "all" or what in spheres.FIGURES:
+        from dsbrdf.render import variants
+
+        variants.import_mitsuba()
     written: list[Path] = []
 
     def wanted(*names: str) -> bool:
@@ -101,6 +123,16 @@ def _run(what: str, tables: Tables, out: Path, progress: Callable[[str], None]) 
     if wanted("fig6"):
         curves = subsampling.subsample(tables, progress)
         plot.write_figure(subsampling.draw(curves), keep("fig6.png"))
+    for name, draw in spheres.FIGURES.items():
+        if wanted(name):
+            plot.write_figure(draw(tables, progress), keep(f"{name}.png"))
+    if wanted("fig9", "fig10"):
+        from dsbrdf.space import plot as maps
+
+        space = spaces.paper_space(tables, progress)
+        for name, draw_map in {"fig9": maps.lobe_map, "fig10": maps.material_map}.items():
+            if wanted(name):
+                plot.write_figure(draw_map(space), keep(f"{name}.png"))
     figures = list(written)
     if wanted("table"):
         report.write_table(rows, keep("table.md"), tables.title)

@@ -21,6 +21,10 @@ CAPTIONS = {
     "spikes within a degree cut off; (b) the lobes of the brightest, logarithmic.",
     "fig3": "Three lobes fitted to slices at theta_d of about 10, 40 and 70 degrees of two materials.",
     "fig5": "Relative RMS error of every material, sorted, with the number of lobes from Williams' test.",
+    "fig4": "Spheres, measured and with one to five lobes; below, maps of CIEDE2000 from the measured one.",
+    "spheres": "Fig. 5: spheres with the lobes that Williams' test chooses, and measured; numbers: mean CIEDE2000.",
+    "fig7": "Spheres: measured, Lambert with two Torrance-Sparrow lobes, three lobes, and each of these alone.",
+    "fig8": "Spheres, profiles at theta_d = 0 and lobes of one material with three lobes.",
     "fig6": "Relative RMS error over all samples against the factor by which theta_h was subsampled: the model "
     "with lobes chosen on what is left (solid), linear interpolation of means over phi_d (dashed). Each point is "
     "a mean over up to four first samples. Noise is in the fitted samples only.",

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsbrdf import materials
 from dsbrdf.fit import ConvergenceWarning, Fit, fit
-from dsbrdf.measured import read
+from dsbrdf.measured import read_merl
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.slices import slice_profiles
 
@@ -82,14 +82,14 @@ def open_tables(data: Path | None) -> Tables:
         if path.suffix.lower() != ".binary" or not path.is_file():
             continue
         try:
-            files[read(path).name] = path
+            files[read_merl(path).name] = path
         except (OSError, ValueError) as error:
             skipped.append(str(error))
     if not files:
         why = f" ({skipped[0]})" if skipped else ""
         raise ValueError(f"{data}: no readable .binary file in this folder{why}.")
     name = data.resolve().name
-    return Tables(name, tuple(files), lambda material: read(files[material]), tuple(skipped))
+    return Tables(name, tuple(files), lambda material: read_merl(files[material]), tuple(skipped))
 
 
 def paper_fit(measured: MeasuredBRDF, n_lobes: int | str = "auto", *, azimuthal: bool = False) -> Fit:
