@@ -358,3 +358,16 @@ def test_high_floors_are_named(data, capsys):
     )
     assert "% no model of this kind can remove." in out
     assert "vch_silk_blue_rgb: high" not in out
+
+
+def test_figures_need_a_table(tmp_path, capsys, rng):
+    scan = in_plane_scan(materials.material("matte").eval)
+    path = tmp_path / "scan.csv"
+    write_scan(path, scan)
+    assert cli.main(["fit", str(path), "-o", str(tmp_path / "out"), "--plot"]) == 1
+    text = (
+        f"scan: this needs a measured table, and these are {len(scan)} scattered samples. See the model with"
+    )
+    assert text in capsys.readouterr().err
+    with pytest.raises(ValueError, match="or make a table with 'dsbrdf convert'"):
+        _ = quiet_fit(scan).table

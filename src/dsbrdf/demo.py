@@ -41,7 +41,7 @@ class DemoRow:
     @property
     def table_bytes(self) -> int:
         """Size of the table that was fitted."""
-        return self.fit.measured.planes.nbytes
+        return self.fit.table.planes.nbytes
 
 
 def run(

@@ -274,4 +274,5 @@ class ChannelProblem:
 def _greatest(values: NDArray[np.float64], design: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest of `values` (theta_d,) where each function (coefficient,) of the basis has half of its peak or more."""
     near = design >= 0.5 * np.maximum(design.max(0), np.finfo(float).tiny)
-    return np.where(near.any(0), np.where(near, values[:, None], -np.inf).max(0), values.max())
+    greatest = np.where(near, values[:, None], -np.inf).max(0)
+    return np.asarray(np.where(near.any(0), greatest, values.max()))

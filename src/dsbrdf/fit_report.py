@@ -99,19 +99,34 @@ class Fit:
     options: dict[str, Any] = field(repr=False)
     coverage: Coverage | None = None
 
+    @property
+    def table(self) -> MeasuredBRDF:
+        """The table that was fitted.
+
+        Raises
+        ------
+        ValueError
+            If scattered samples were.
+        """
+        if isinstance(self.measured, MeasuredBRDF):
+            return self.measured
+        raise ValueError(
+            f"{self.model.name}: this needs a measured table, and these are {len(self.measured)} scattered samples. "
+            "See the model with 'dsbrdf view', or make a table with 'dsbrdf convert'."
+        )
+
     @cached_property
     def log_rms(self) -> float:
         """RMS of the logarithm over all samples, see `dsbrdf.metrics.log_rms`."""
         if self.coverage is not None:
             return self.coverage.log_rms
-        assert isinstance(self.measured, MeasuredBRDF)
         theta_d, theta_h, _ = stack_profiles(self.profiles)
         model = self.model
         parameters = model.curves.at(theta_d) if model.curves else (model.kappa, model.gamma, model.beta)
         a, b = metrics.profile_model(theta_h, theta_d, *parameters)
-        rows = slice_rows(len(self.measured.theta_d), len(self.profiles))
+        rows = slice_rows(len(self.table.theta_d), len(self.profiles))
         masks = {key: self.options[key] for key in ("min_theta_h", "perimeter_mask", "theta_h_step")}
-        return metrics.log_rms(self.measured, rows, a, b, **masks)
+        return metrics.log_rms(self.table, rows, a, b, **masks)
 
     def summary(self) -> dict[str, Any]:
         """Numbers that tell how good the fit is, ready for JSON."""

@@ -136,8 +136,8 @@ class _Plane:
 
 
 def _plane(fit: Fit, row: int, n: int = 301) -> _Plane:
-    theta_d = float(fit.measured.theta_d[row])
-    theta_h, values = incident_plane(fit.measured, row)
+    theta_d = float(fit.table.theta_d[row])
+    theta_h, values = incident_plane(fit.table, row)
     curve_at = np.pi / 2 * np.linspace(0.0, 1.0, n) ** 2
     lobes = [_curve(fit.model.lobe(k), curve_at, theta_d) for k in range(fit.model.n_lobes)]
     both = np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
@@ -155,7 +155,7 @@ def _shown_rows(fit: Fit, theta_d: Sequence[float]) -> list[int]:
     """The table's rows of the fitted slices nearest to `theta_d`, each once."""
     angles = fit.model.theta_d
     nearest = [angles[np.abs(angles - angle).argmin()] for angle in theta_d]
-    return list(dict.fromkeys(int(np.abs(fit.measured.theta_d - angle).argmin()) for angle in nearest))
+    return list(dict.fromkeys(int(np.abs(fit.table.theta_d - angle).argmin()) for angle in nearest))
 
 
 def _channels(n: int) -> list[tuple[str, Any]]:
@@ -379,7 +379,7 @@ def _label(axes: Any, fit: Fit) -> None:
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     for axes in row:
         axes.axis("off")
-    measured = sphere.shade(fit.measured, n_pixels)
+    measured = sphere.shade(fit.table, n_pixels)
     lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
     brightest = measured.max(-1)
     exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
