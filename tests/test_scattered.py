@@ -360,7 +360,7 @@ def test_high_floors_are_named(data, capsys):
     assert "vch_silk_blue_rgb: high" not in out
 
 
-def test_figures_need_a_table(tmp_path, capsys, rng):
+def test_figures_need_a_table(tmp_path, capsys):
     scan = in_plane_scan(materials.material("matte").eval)
     path = tmp_path / "scan.csv"
     write_scan(path, scan)
