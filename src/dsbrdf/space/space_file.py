@@ -1,0 +1,163 @@
+"""Spaces on disk: one .npz without pickled objects; the analysis is made anew from the curves when it is read."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsbrdf import _files
+from dsbrdf.curves import CurveBasis
+from dsbrdf.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf.space.material_space import MaterialSpace
+from dsbrdf.space.settings import SpaceSettings
+from dsbrdf.space.variables import Variables
+
+__all__ = ["SpaceFormatError", "load_space", "save"]
+
+FORMAT, SCHEMA = "dsbrdf space", 1
+#: Larger files, unpacked, are no spaces of ours.
+MAX_BYTES = 500_000_000
+ARRAYS = ("header", "curves", "present")
+
+
+class SpaceFormatError(ValueError):
+    """A file is not a space that this version can read."""
+
+
+def _constants() -> dict[str, float]:
+    """Numbers that a space depends on and that are the same in all spaces of a version."""
+    return {"kappa_offset": LOG_OFFSET, "azimuthal_width": AZIMUTHAL_WIDTH}
+
+
+def save(space: MaterialSpace, path: str | Path) -> None:
+    """Write `space` to `path`; it is written aside and renamed.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    settings = space.settings
+    header: dict[str, Any] = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "axes": "curves (material, channel, slot, function, coefficient), present (material, channel, slot)",
+        "functions": settings.variables.names,
+        "logarithmic": settings.variables.logarithmic,
+        "correspondence": settings.correspondence,
+        "n_knots": settings.basis.n_knots,
+        "degree": settings.basis.degree,
+        "domain": settings.basis.domain,
+        "variable": settings.basis.variable,
+        "convention": settings.convention,
+        "border": space.border if np.isfinite(space.border) else None,
+        "n_diffuse": space.n_diffuse,
+        **_constants(),
+        "materials": [
+            {"name": name, "sha256": sha256} for name, sha256 in zip(space.names, space.sources, strict=True)
+        ],
+    }
+    with _files.aside(path) as part, part.open("wb") as file:
+        np.savez_compressed(
+            file, header=np.array(json.dumps(header)), curves=space.curves, present=space.present
+        )
+
+
+def load_space(path: str | Path) -> MaterialSpace:
+    """Read a space.
+
+    Raises
+    ------
+    SpaceFormatError
+        If the content is not a space, or one of a later schema or of other constants; says what was expected and found.
+    OSError
+        If the file cannot be read.
+    """
+    path = Path(path)
+    arrays = _read_arrays(path)
+    try:
+        header = json.loads(str(arrays["header"][()]))
+    except (ValueError, RecursionError) as error:
+        raise SpaceFormatError(f"{path}: not a space: its header is not JSON ({error}).") from None
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise SpaceFormatError(f'{path}: not a space: expected a header with "format": "{FORMAT}".')
+    schema = header.get("schema")
+    if schema != SCHEMA:
+        raise SpaceFormatError(
+            f"{path}: schema {schema!r:.40} is not the one this version reads ({SCHEMA}). Update dsbrdf."
+        )
+    for name, value in _constants().items():
+        if header.get(name) != value:
+            raise SpaceFormatError(
+                f"{path}: built with {name} = {header.get(name)!r:.40}, where this version has {value!r}. "
+                "Build the space again."
+            )
+    try:
+        return _space(header, arrays["curves"], arrays["present"])
+    except KeyError as error:
+        raise SpaceFormatError(f"{path}: not a whole space: {error} is missing.") from None
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise SpaceFormatError(f"{path}: not a sound space: {error}") from None
+
+
+def _read_arrays(path: Path) -> dict[str, Any]:
+    """Arrays of a .npz by name; nothing is unpacked before its size is known, and nothing unpickled."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            size = sum(entry.file_size for entry in file.infolist())
+        if size > MAX_BYTES:
+            raise SpaceFormatError(
+                f"{path}: not a space: {size:,} bytes unpacked are more than any space has."
+            )
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in ARRAYS if name not in file.files]
+            if missing:
+                raise SpaceFormatError(f"{path}: not a space: no array {missing[0]!r} in it.")
+            return {name: file[name] for name in ARRAYS}
+    except SpaceFormatError:
+        raise
+    except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+        raise SpaceFormatError(f"{path}: not a space: not a sound .npz file ({error}).") from None
+
+
+def _space(header: dict[str, Any], curves: Any, present: Any) -> MaterialSpace:
+    functions = tuple(header["functions"])
+    variables = Variables(bool(header["logarithmic"]), "beta" in functions)
+    if functions != variables.names:
+        raise ValueError(f"functions {functions} are not {variables.names}.")
+    low, high = header["domain"]
+    basis = CurveBasis(
+        int(header["n_knots"]), int(header["degree"]), (float(low), float(high)), header["variable"]
+    )
+    settings = SpaceSettings(variables, header["correspondence"], basis, str(header["convention"]))
+    names = tuple(str(material["name"]) for material in header["materials"])
+    n_materials, n_channels, n_slots = present.shape
+    n_diffuse = int(header["n_diffuse"])
+    shape = (n_materials, n_channels, n_slots, len(functions), basis.size)
+    if (
+        curves.shape != shape
+        or len(names) != n_materials
+        or not 0 <= n_diffuse <= n_slots
+        or not present.size
+    ):
+        raise ValueError(
+            f"curves {curves.shape}, present {present.shape}, {len(names)} names and {n_diffuse} diffuse slots do not "
+            f"go together; expected curves {shape}."
+        )
+    if curves.dtype != np.float64 or present.dtype != np.bool_ or not np.isfinite(curves).all():
+        raise ValueError("curves must be finite float64 numbers, present must be bool.")
+    border = header["border"]
+    return MaterialSpace(
+        settings,
+        names,
+        tuple(str(material["sha256"]) for material in header["materials"]),
+        curves,
+        present,
+        float("-inf") if border is None else float(border),
+        n_diffuse,
+    )
