@@ -127,3 +127,29 @@ def decoded(data, tmp_path_factory):
         return file
 
     return path
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """The system's Chromium; a second beside it cannot be driven."""
+    from browser import chromium
+
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="session")
+def sphere_models():
+    """Models that the sphere of the web page shows, by name."""
+    from sphere_page import fitted
+
+    return fitted("satin-plastic", "polished-chrome", "rough-gold")
+
+
+@pytest.fixture
+def show_sphere(browser, sphere_models):
+    """Call with names of `sphere_models`: a tab with the sphere in it; see `sphere_page.shown`."""
+    from sphere_page import shown
+
+    with shown(browser, sphere_models) as call:
+        yield call

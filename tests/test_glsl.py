@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from browser import chromium, run_glsl
+from browser import run_glsl
 from chi2 import cell_integrals, p_value, sidak
 
 import dsbrdf
@@ -21,9 +21,8 @@ DECODED = ("nickel", "specular-blue-phenolic", "chrome")
 
 
 @pytest.fixture(scope="module")
-def page():
-    with chromium() as browser:
-        yield browser.new_page()
+def page(browser):
+    return browser.new_page()
 
 
 @pytest.fixture(scope="module")

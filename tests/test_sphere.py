@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from browser import chromium
 from sphere_page import (
     DISTANCE,
     HALF_WIDTH,
@@ -22,23 +21,6 @@ import dsbrdf
 from dsbrdf import materials
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*out of iterations")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def models():
-    return fitted("satin-plastic", "polished-chrome", "rough-gold")
-
-
-@pytest.fixture
-def show(browser, models):
-    with shown(browser, models) as call:
-        yield call
 
 
 def assert_sphere_evaluates(page, model, rng):
@@ -63,10 +45,10 @@ def test_values_of_decoded_materials_are_those_of_python(browser, decoded, rng, 
         assert_sphere_evaluates(call(name), model, rng)
 
 
-def test_edited_lobes(show, models, rng):
-    page = show("satin-plastic")
+def test_edited_lobes(show_sphere, sphere_models, rng):
+    page = show_sphere("satin-plastic")
     page.evaluate("sphere.setLobes(0, [true, false, true], [1.5, 1, 0.5], [0.7, 1, 3])")
-    model = models["satin-plastic"]
+    model = sphere_models["satin-plastic"]
     edited = model.replace(
         kappa=model.kappa[..., [0, 2]] * [1.5, 0.5],
         gamma=model.gamma[..., [0, 2]] * [0.7, 3.0],
@@ -82,8 +64,8 @@ def test_edited_lobes(show, models, rng):
     assert np.all(picture(page, 1)[inside()] == 0.0)
 
 
-def test_one_channel_is_grey(browser, models, rng):
-    model = models["rough-gold"]
+def test_one_channel_is_grey(browser, sphere_models, rng):
+    model = sphere_models["rough-gold"]
     first = {key: getattr(model, key)[:, :1] for key in ("kappa", "gamma", "beta", "spike")}
     grey = model.replace(**{key: np.repeat(value, 3, axis=1) for key, value in first.items()})
     with shown(browser, {"one": model.replace(**first)}) as call:
@@ -91,8 +73,8 @@ def test_one_channel_is_grey(browser, models, rng):
 
 
 @pytest.mark.parametrize("name", ["satin-plastic", "rough-gold"])
-def test_point_light_is_what_python_predicts(show, models, name):
-    page = show(name)
+def test_point_light_is_what_python_predicts(show_sphere, sphere_models, name):
+    page = show_sphere(name)
     page.evaluate("sphere.setLighting('point')")
     got = picture(page, 64)
     rows, columns = np.nonzero(inside())
@@ -100,7 +82,7 @@ def test_point_light_is_what_python_predicts(show, models, name):
     frames = np.array([[frame(n) for n in line] for line in normal])
     local = [np.einsum("...ij,...j->...i", frames, w) for w in (np.broadcast_to(POINT_LIGHT, wo.shape), wo)]
     local = [w / np.linalg.norm(w, axis=-1, keepdims=True) for w in local]
-    value = models[name].eval(*local) * np.pi * np.maximum(local[0][..., 2:], 0.0)
+    value = sphere_models[name].eval(*local) * np.pi * np.maximum(local[0][..., 2:], 0.0)
     np.testing.assert_allclose(got[rows, columns], value.mean(1), rtol=0.03, atol=0.01)
     mean = page.evaluate("sphere.meanPixel()")
     np.testing.assert_allclose(mean, value.mean((0, 1)), rtol=2e-3)
@@ -144,8 +126,8 @@ def shaded(model, pixels, normal, view):
     ("name", "environment"),
     [("satin-plastic", "soft-boxes"), ("polished-chrome", "window"), ("rough-gold", "sky")],
 )
-def test_converges_to_the_integral(show, models, rng, name, environment):
-    page = show(name)
+def test_converges_to_the_integral(show_sphere, sphere_models, rng, name, environment):
+    page = show_sphere(name)
     page.evaluate("(name) => sphere.setEnvironment(name)", environment)
     got = picture(page, 1024)
     pixels = environment_pixels(page)
@@ -153,7 +135,7 @@ def test_converges_to_the_integral(show, models, rng, name, environment):
     normal, view = hit(rows, columns)
     expected = np.array(
         [
-            np.mean([shaded(models[name], pixels, *place) for place in zip(*at, strict=True)], axis=0)
+            np.mean([shaded(sphere_models[name], pixels, *place) for place in zip(*at, strict=True)], axis=0)
             for at in zip(normal, view, strict=True)
         ]
     )
@@ -162,14 +144,14 @@ def test_converges_to_the_integral(show, models, rng, name, environment):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["satin-plastic", "polished-chrome"])
-def test_agrees_with_mitsuba(show, models, name):
+def test_agrees_with_mitsuba(show_sphere, sphere_models, name):
     import mitsuba as mi
     from mitsuba_tools import compiled
 
     from dsbrdf import render
 
     compiled()
-    page = show(name)
+    page = show_sphere(name)
     got = picture(page, 1024)
     film = {"type": "hdrfilm", "width": N, "height": N, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
     scene = {
@@ -182,7 +164,7 @@ def test_agrees_with_mitsuba(show, models, name):
             "film": film,
         },
         "light": {"type": "envmap", "bitmap": mi.Bitmap(environment_pixels(page).astype(np.float32))},
-        "ball": {"type": "sphere", "bsdf": render.to_dict(models[name])},
+        "ball": {"type": "sphere", "bsdf": render.to_dict(sphere_models[name])},
     }
     expected = np.array(mi.render(mi.load_dict(scene), spp=4096))
     within = inside()
@@ -191,14 +173,14 @@ def test_agrees_with_mitsuba(show, models, name):
     np.testing.assert_allclose(got[0], expected[0], rtol=0.02)
 
 
-def test_flat_light_shows_the_albedo(show, models):
+def test_flat_light_shows_the_albedo(show_sphere, sphere_models):
     """An even light of radiance 1/2: at a pixel, half the directional albedo of the angle it is seen under."""
-    page = show("rough-gold")
+    page = show_sphere("rough-gold")
     page.evaluate("sphere.setLighting('flat')")
     got = picture(page, 1024)
     rows, columns = np.full(4, N // 2), N // 2 + np.array([0, 6, 12, 17])
     normal, view = hit(rows, columns)
     theta = np.arccos((normal * view).sum(-1))
-    albedo = models["rough-gold"].albedo(theta).mean(1)
+    albedo = sphere_models["rough-gold"].albedo(theta).mean(1)
     np.testing.assert_allclose(got[rows, columns], 0.5 * albedo, rtol=0.03)
     np.testing.assert_allclose(got[0], 0.5, rtol=1e-5)

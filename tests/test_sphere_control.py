@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from browser import chromium, run_glsl
-from sphere_page import N, fitted, inside, picture, shown
+from browser import run_glsl
+from sphere_page import N, inside, picture
 from test_glsl import TINY, random_pairs
 
 from dsbrdf import shader
@@ -13,26 +13,9 @@ from dsbrdf import shader
 pytestmark = pytest.mark.filterwarnings("ignore:.*out of iterations")
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def models():
-    return fitted("satin-plastic", "polished-chrome", "rough-gold")
-
-
-@pytest.fixture
-def show(browser, models):
-    with shown(browser, models) as call:
-        yield call
-
-
-def test_halves_meet_without_a_seam(show):
+def test_halves_meet_without_a_seam(show_sphere):
     """Twice the same material is the whole sphere, and each half is that of its own material."""
-    page = show("satin-plastic", "rough-gold")
+    page = show_sphere("satin-plastic", "rough-gold")
     left = picture(page, 4)
     page.evaluate("sphere.setMaterials(materials[0], { ...materials[0] })")
     np.testing.assert_array_equal(picture(page, 4), left)
@@ -44,9 +27,9 @@ def test_halves_meet_without_a_seam(show):
     np.testing.assert_array_equal(both[:, N // 2 :], right[:, N // 2 :])
 
 
-def test_measured_profile(show, models):
+def test_measured_profile(show_sphere, sphere_models):
     """A profile that holds twice the model's values: twice the picture where there are numbers, the model elsewhere."""
-    model = models["rough-gold"]
+    model = sphere_models["rough-gold"]
     theta_h = np.linspace(0.0, 1.0, 300)
     flat = np.zeros((len(model.theta_d), len(theta_h), 3))
     for slice_, theta_d in enumerate(model.theta_d):
@@ -59,7 +42,7 @@ def test_measured_profile(show, models):
         "thetaH": theta_h.tolist(),
         "mean": np.where(np.isnan(flat), -1.0, flat).swapaxes(1, 2).ravel().tolist(),
     }
-    page = show("rough-gold")
+    page = show_sphere("rough-gold")
     page.evaluate("sphere.setLighting('point'); materials[0].beta.fill(0); sphere.setMaterials(materials[0])")
     plain = picture(page, 16)
     page.evaluate(
@@ -79,8 +62,8 @@ def test_measured_profile(show, models):
     assert np.any(ratio < 1.01)
 
 
-def test_turning_both_is_turning_neither(show):
-    page = show("rough-gold")
+def test_turning_both_is_turning_neither(show_sphere):
+    page = show_sphere("rough-gold")
     page.evaluate("sphere.setLighting('point')")
     before = picture(page, 4)
     page.evaluate("sphere.rotateView(0.7, 0)")
@@ -92,9 +75,9 @@ def test_turning_both_is_turning_neither(show):
     np.testing.assert_array_equal(picture(page, 4), before)
 
 
-def test_dragging_and_keys(show):
+def test_dragging_and_keys(show_sphere):
     """What is under the pointer follows it: the highlight of the point light moves to the right with the light."""
-    page = show("polished-chrome", size=200)
+    page = show_sphere("polished-chrome", size=200)
     page.evaluate("""async () => {
         const { orbit } = await import("/orbit.js");
         orbit(canvas, sphere, { mode: () => window.mode ?? "view" });
@@ -132,8 +115,8 @@ def test_dragging_and_keys(show):
     assert highlight()[1] < start[1] - 1.0
 
 
-def test_exposure_keeps_the_samples(show):
-    page = show("rough-gold")
+def test_exposure_keeps_the_samples(show_sphere):
+    page = show_sphere("rough-gold")
     picture(page, 4)
     look = "(() => { sphere.setExposure(%d); return canvas.toDataURL(); })()"
     assert page.evaluate(look % 0) != page.evaluate(look % 2)
@@ -154,9 +137,9 @@ WITHOUT = {
 
 
 @pytest.mark.parametrize("missing", WITHOUT)
-def test_without_webgl_it_says_so_and_does_nothing(show, missing):
+def test_without_webgl_it_says_so_and_does_nothing(show_sphere, missing):
     script, text = WITHOUT[missing]
-    page = show("rough-gold", script=script)
+    page = show_sphere("rough-gold", script=script)
     page.evaluate("""() => {
         sphere.setEnvironment("sky");
         sphere.setLighting("point");
@@ -175,8 +158,8 @@ def test_without_webgl_it_says_so_and_does_nothing(show, missing):
     ) == [0, 0, 0]
 
 
-def test_shader_that_does_not_compile(show):
-    page = show("rough-gold")
+def test_shader_that_does_not_compile(show_sphere):
+    page = show_sphere("rough-gold")
     page.evaluate("""async () => {
         const { Sphere } = await import("/sphere.js");
         const broken = { ...sphere.shaders, sphere: "nonsense" };
@@ -188,8 +171,8 @@ def test_shader_that_does_not_compile(show):
     assert page.evaluate("errors[0]").startswith("A shader does not compile here: ")
 
 
-def test_comes_back_after_the_device_was_lost(show):
-    page = show("rough-gold", "satin-plastic")
+def test_comes_back_after_the_device_was_lost(show_sphere):
+    page = show_sphere("rough-gold", "satin-plastic")
     page.evaluate("sphere.setMaterials(materials[0], materials[1]); sphere.setEnvironment('sky')")
     before = picture(page, 4)
     page.evaluate(
@@ -204,8 +187,8 @@ def test_comes_back_after_the_device_was_lost(show):
     assert page.evaluate("errors") == []
 
 
-def test_draws_by_itself_until_done_and_after_changes(show):
-    page = show("rough-gold")
+def test_draws_by_itself_until_done_and_after_changes(show_sphere):
+    page = show_sphere("rough-gold")
     page.evaluate("sphere.maxSamples = 6; sphere.start()")
     page.wait_for_function("sphere.nSamples === 6")
     page.evaluate("sphere.rotateView(0.1, 0)")
@@ -215,13 +198,13 @@ def test_draws_by_itself_until_done_and_after_changes(show):
     assert page.evaluate("sphere.nSamples") == 0
 
 
-def test_baked_glsl_is_that_of_python(show, models, rng):
-    page = show("satin-plastic")
+def test_baked_glsl_is_that_of_python(show_sphere, sphere_models, rng):
+    page = show_sphere("satin-plastic")
     text = page.evaluate("""async () => {
         const { bakedGlsl } = await import("/baked_glsl.js");
         return bakedGlsl(materials[0], sphere.shaders);
     }""")
-    model = models["satin-plastic"]
+    model = sphere_models["satin-plastic"]
     wi, wo = random_pairs(rng, 2000)
     call = "vec4(dsbrdf_eval(a.xyz, b.xyz), dsbrdf_pdf(a.xyz, b.xyz))"
     ours, theirs = (run_glsl(page, source, call, wi, wo) for source in (text, shader.baked(model)))

@@ -4,35 +4,17 @@ import struct
 
 import numpy as np
 import pytest
-from browser import chromium
-from sphere_page import environment_pixels, fitted, inside, picture, shown
+from sphere_page import environment_pixels, inside, picture
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*out of iterations")
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def models():
-    return fitted("satin-plastic", "polished-chrome", "rough-gold")
-
-
-@pytest.fixture
-def show(browser, models):
-    with shown(browser, models) as call:
-        yield call
-
-
 @pytest.mark.parametrize("environment", ["soft-boxes", "sky", "window", "gradient", "dark-room"])
-def test_no_fireflies(show, environment):
+def test_no_fireflies(show_sphere, environment):
     """After few samples no pixel stands out from its neighbours."""
     from scipy.ndimage import maximum_filter
 
-    page = show("satin-plastic", "polished-chrome", "rough-gold", size=64)
+    page = show_sphere("satin-plastic", "polished-chrome", "rough-gold", size=64)
     for k in range(3):
         page.evaluate(
             "([k, name]) => { sphere.setMaterials(materials[k]); sphere.setEnvironment(name); }"
@@ -47,9 +29,9 @@ def test_no_fireflies(show, environment):
         assert np.all(image[within] < 3.0 * maximum_filter(image, footprint=ring)[within])
 
 
-def test_environments(show):
+def test_environments(show_sphere):
     """Each has the mean radiance it says, and a table whose density is that of its light."""
-    page = show("rough-gold")
+    page = show_sphere("rough-gold")
     for name, mean in {
         "soft-boxes": 0.5,
         "sky": 0.5,
@@ -104,8 +86,8 @@ async ([name, bytes]) => {
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_radiance_image(show, rng, packed):
-    page = show("rough-gold")
+def test_radiance_image(show_sphere, rng, packed):
+    page = show_sphere("rough-gold")
     rgb = rng.uniform(0.1, 4.0, (8, 16, 3))
     rgb[:, :3] = rgb[:, :1]
     page.evaluate(READ, ["a.hdr", list(hdr_bytes(rgb, packed))])
@@ -115,8 +97,8 @@ def test_radiance_image(show, rng, packed):
     np.testing.assert_allclose(pixels, factor * rgb, atol=0.01 * factor * rgb.max())
 
 
-def test_large_image_is_averaged(show, rng):
-    page = show("rough-gold")
+def test_large_image_is_averaged(show_sphere, rng):
+    page = show_sphere("rough-gold")
     rgb = rng.uniform(0.1, 1.0, (1024, 64, 3))
     page.evaluate(
         "([height, width, data]) => sphere.setEnvironmentImage({ height, width, data: new Float32Array(data) })",
@@ -127,11 +109,11 @@ def test_large_image_is_averaged(show, rng):
     np.testing.assert_allclose(pixels, averaged * (pixels.sum() / averaged.sum()), rtol=1e-4)
 
 
-def test_png_image(show, tmp_path):
+def test_png_image(show_sphere, tmp_path):
     """Red above, half as bright a blue below in linear light."""
     import matplotlib.image
 
-    page = show("rough-gold")
+    page = show_sphere("rough-gold")
     image = np.zeros((4, 8, 3))
     image[:2, :, 0] = 1.0
     image[2:, :, 2] = 1.055 * 0.5 ** (1 / 2.4) - 0.055
@@ -162,8 +144,8 @@ def test_png_image(show, tmp_path):
         ("a.hdr", hdr_bytes(np.zeros((4, 16, 3)), False), "The image is black: it gives no light."),
     ],
 )
-def test_images_that_cannot_be_used(show, name, content, text):
-    page = show("rough-gold")
+def test_images_that_cannot_be_used(show_sphere, name, content, text):
+    page = show_sphere("rough-gold")
     with pytest.raises(Exception, match=text):
         page.evaluate(READ, [name, list(content)])
     assert page.evaluate("errors") == []

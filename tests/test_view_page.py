@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from browser import chromium, watched
+from browser import watched
 from page_tools import NO_WEBGL, chip, curve_on_screen, faults, settle, values_in_page
 
 import dsbrdf
@@ -31,12 +31,6 @@ def path(models, tmp_path_factory):
     path = tmp_path_factory.mktemp("view") / "page.html"
     view(models, path)
     return path
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture
