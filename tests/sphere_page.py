@@ -1,6 +1,7 @@
 """A sphere of the web page in a tab of its own, for tests, and the geometry of its picture."""
 
 import contextlib
+import json
 
 import numpy as np
 from browser import material_json, open_modules, watched
@@ -102,7 +103,7 @@ def frame(normal):
 
 
 def environment_pixels(page):
-    width, height, data = page.evaluate(
-        "(() => { const p = sphere.environmentPixels(); return [p.width, p.height, Array.from(p.data)]; })()"
-    )
+    # As text: the driver hands over a list number by number
+    script = "const p = sphere.environmentPixels(); return JSON.stringify([p.width, p.height, Array.from(p.data)]);"
+    width, height, data = json.loads(page.evaluate(f"(() => {{ {script} }})()"))
     return np.reshape(data, (height, width, 4))[..., :3]

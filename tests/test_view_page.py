@@ -23,6 +23,8 @@ def models():
     fitted = [dsbrdf.fit(dsbrdf.material(name)).model for name in NAMES]
     selection = {"criterion": "williams", "values": [2.0, 0.5, 0.25]}
     fitted[1] = fitted[1].replace(fit_options=dict(fitted[1].fit_options) | {"selection": selection})
+    without = {key: value for key, value in fitted[0].fit_options.items() if key != "selection"}
+    fitted[0] = fitted[0].replace(fit_options=without)
     return [*fitted, fitted[0].to_curves().replace(name="curves")]
 
 

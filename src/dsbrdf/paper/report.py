@@ -25,6 +25,8 @@ CAPTIONS = {
     "spheres": "Fig. 5: spheres with the lobes that Williams' test chooses, and measured; numbers: mean CIEDE2000.",
     "fig7": "Spheres: measured, Lambert with two Torrance-Sparrow lobes, three lobes, and each of these alone.",
     "fig8": "Spheres, profiles at theta_d = 0 and lobes of one material with three lobes.",
+    "fig9": "Lobes of all materials on the first two bivariate principal functions of their curves, as spheres.",
+    "fig10": "Materials on the first two principal functions of all their curves, as spheres.",
     "fig6": "Relative RMS error over all samples against the factor by which theta_h was subsampled: the model "
     "with lobes chosen on what is left (solid), linear interpolation of means over phi_d (dashed). Each point is "
     "a mean over up to four first samples. Noise is in the fitted samples only.",
