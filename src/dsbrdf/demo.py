@@ -36,7 +36,9 @@ class DemoRow:
     def model_bytes(self) -> int:
         """Size of the model's numbers, as the table's are counted."""
         model = self.fit.model
-        return sum(array.nbytes for array in (model.theta_d, model.kappa, model.gamma, model.beta, model.spike))
+        return sum(
+            array.nbytes for array in (model.theta_d, model.kappa, model.gamma, model.beta, model.spike)
+        )
 
     @property
     def table_bytes(self) -> int:
