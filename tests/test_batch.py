@@ -288,9 +288,9 @@ def test_a_folder_that_holds_nothing(tmp_path, database):
     targets, failures = batch.expand([tmp_path / "empty", database / "a.binary"])
     assert targets == [str(database / "a.binary")]
     assert [failure.status for failure in failures] == [
-        f"{tmp_path / 'empty'}: no .binary or .bsdf file in this folder."
+        f"{tmp_path / 'empty'}: no measured file ({', '.join(batch.SUFFIXES)}) in this folder."
     ]
-    with pytest.raises(ValueError, match=r"no \.binary or \.bsdf file in this folder"):
+    with pytest.raises(ValueError, match=r"no measured file \(\.binary, .*\) in this folder"):
         batch.expand([tmp_path / "empty"], strict=True)
 
 
@@ -300,7 +300,7 @@ def test_memory_is_bounded(monkeypatch):
     lock = threading.Lock()
     table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=(9, 6, 8))
 
-    def stand_in(target):
+    def stand_in(target, _):
         with lock:
             opened.append(target)
             most.append(len(opened) - len(finished))
@@ -318,7 +318,7 @@ def test_two_at_a_time(monkeypatch):
     both = threading.Barrier(2, timeout=20)
     table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=(9, 6, 8))
 
-    def stand_in(target):
+    def stand_in(target, _):
         both.wait()
         return dataclasses.replace(table, name=target)
 
@@ -327,7 +327,7 @@ def test_two_at_a_time(monkeypatch):
 
 
 def test_the_same_as_one_by_one(small_table, monkeypatch):
-    monkeypatch.setattr(batch, "open_target", lambda target: dataclasses.replace(small_table, name=target))
+    monkeypatch.setattr(batch, "open_target", lambda target, _: dataclasses.replace(small_table, name=target))
     expected = dsbrdf.fit(small_table, **OPTIONS).errors.rel_rms
     outcomes = batch.fit_many([f"m{i}" for i in range(6)], **OPTIONS)
     assert [outcome.summary["rel_rms"] for outcome in outcomes] == [expected] * 6
@@ -344,7 +344,7 @@ def test_a_folder_and_what_comes_of_it(database):
         assert isinstance(outcome, dsbrdf.Outcome)
         np.testing.assert_array_equal(outcome.model.kappa, expected.kappa)
     (database / "empty").mkdir()
-    with pytest.raises(ValueError, match=r"no \.binary or \.bsdf file in this folder"):
+    with pytest.raises(ValueError, match=r"no measured file \(\.binary, .*\) in this folder"):
         dsbrdf.fit_many(database / "empty")
 
 

@@ -177,19 +177,6 @@ def test_options_reach_the_fit(run, gold_file, tmp_path):
     assert chosen == {"azimuthal": False, "order": "kappa", "loss": "log", "n_slices": 9}
 
 
-def test_fit_of_a_folder_ignores_other_files(run, gold_file, tmp_path):
-    inside = tmp_path / "merl"
-    inside.mkdir()
-    for name in ("b.binary", "a.binary"):
-        (inside / name).hardlink_to(gold_file)
-    (inside / "Copyright_Notice.txt").write_text("All rights reserved.")
-    (inside / "folder.binary").mkdir()
-    status, out, err = run("fit", inside, "--json")
-    assert status == 0
-    assert not err
-    assert [json.loads(line)["name"] for line in out.splitlines()] == ["a", "b"]
-
-
 def test_info_tells_what_a_model_holds(run, gold_file, tmp_path):
     run("fit", gold_file, "-o", tmp_path)
     status, out, err = run("info", tmp_path / "gold.json")
@@ -239,7 +226,7 @@ def test_bad_files_do_not_stop_the_others(run, gold_file, tmp_path):
     assert status == 1
     assert [json.loads(line)["name"] for line in out.splitlines()] == ["gold"]
     assert err == [
-        f"dsbrdf: error: {tmp_path / 'empty'}: no .binary or .bsdf file in this folder.",
+        f"dsbrdf: error: {tmp_path / 'empty'}: no measured file ({', '.join(batch.SUFFIXES)}) in this folder.",
         f"dsbrdf: error: {text}: not a MERL file: expected 34,992,012 bytes, the file has 4.",
         f"dsbrdf: error: {short}: not a whole MERL file: the header says 90 x 90 x 180 (34,992,012 bytes), "
         "the file has 5,000 bytes. Fetch it again.",
@@ -340,6 +327,8 @@ def test_a_reader_that_goes_away(gold_file):
         (["fit", "matte", "--loss", "l3"], "--loss"),
         (["fit", "matte", "--speed", "9"], "--speed"),
         (["fit", "matte", "--plot"], "add -o DIR"),
+        (["fit", "matte", "--prior", "s.npz", "--lobes", "3"], "--prior': the space decides on lobes"),
+        (["fit", "matte", "--prior", "s.npz", "--curves"], "leave out --lobes, --criterion, --paper, --loss"),
     ],
 )
 def test_usage(run, arguments, message):

@@ -53,6 +53,36 @@ def test_build_options(run, tmp_path):
     assert settings.correspondence == "border"
 
 
+def test_build_writes_a_page(run, tmp_path):
+    """Laid out by the space, not by the likeness of reflectance."""
+    from dsbrdf.view import page
+
+    status, out, _ = run("build", "models", "--view", "pages/space.html")
+    assert status == 0
+    assert out.splitlines()[-1] == "Page: pages/space.html"
+    models = [dsbrdf.load(path) for path in sorted((tmp_path / "models").glob("*.json"))]
+    written = (tmp_path / "pages" / "space.html").read_text(encoding="utf-8")
+    assert written == page(models, space=load_space(tmp_path / "space.npz"))
+    assert written != page(models)
+
+
+def test_build_fits_what_is_measured(run, tmp_path, small_table):
+    from dsbrdf.convert import write_csv
+    from dsbrdf.measured.array_file import write_npz
+    from dsbrdf.space import FIT
+
+    (tmp_path / "measured").mkdir()
+    write_npz(small_table, tmp_path / "measured" / "b.npz")
+    write_csv(small_table, tmp_path / "measured" / "a.csv")
+    (tmp_path / "measured" / "notes.txt").write_text("Not a measurement.")
+    status, _, err = run("build", "measured", "models/material-0.json")
+    assert (status, err) == (0, "")
+    made = load_space(tmp_path / "space.npz")
+    assert made.names == ("a", small_table.name, "material-0")
+    expected = dsbrdf.fit(dsbrdf.read(tmp_path / "measured" / "b.npz"), azimuthal=False, **FIT).model
+    np.testing.assert_allclose(made.curves[1], made.encode(expected))
+
+
 def test_nearest(built):
     status, out, _ = built("nearest", "models/material-2.json", "-n", 2)
     assert status == 0
@@ -94,8 +124,8 @@ def test_plot(built, tmp_path):
     ("arguments", "text"),
     [
         (["build", "models/material-0.json"], "a space needs two models at least, got 1."),
-        (["build", "nowhere"], "nowhere: No such file or directory."),
-        (["build", "empty"], "empty: no model files (.json) in it."),
+        (["build", "nowhere"], "nowhere: no such file; "),
+        (["build", "empty"], "empty: no model file (.json) and no measured file in this folder."),
         (["build"], "Missing argument 'MODEL'"),
         (["nearest", "jade"], "jade: neither a file nor one of the 5 materials of the space."),
         (["nearest", "material-0", "-s", "none.npz"], "none.npz: No such file or directory."),

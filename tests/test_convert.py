@@ -13,6 +13,7 @@ import dsbrdf.reflectance
 from dsbrdf import Samples, cli, read, tabulate
 from dsbrdf.convert import KINDS, convert, write_csv
 from dsbrdf.measured.array_file import write_npz
+from dsbrdf.measured.nbrdf import PARTS
 
 SCAN = "theta_i_deg,theta_o_deg,phi_o_deg,r,g,b,std\n30,45,170,1,2,3,0.5\n30,45.001,170,3,4,-1,0.5\n10,60,90,4,5,6,1\n"
 
@@ -208,12 +209,40 @@ def test_a_folder_to_a_folder(tmp_path, capsys):
     status, _, err = run(capsys, folder, tmp_path / "out")
     assert status == 2
     assert "a folder needs a format: add -t FORMAT." in err[0]
+    (folder / "notes.txt").write_text("Left alone")
+    (folder / "figure.png").touch()
+    assert len(run(capsys, folder, tmp_path / "out", "-t", "npz")[2]) == 1
     with pytest.raises(ValueError, match="no samples"):
         cli.main(["--debug", "convert", str(folder), str(tmp_path / "out"), "-t", "npz"])
 
 
+def test_a_folder_of_networks_or_of_models(model_file, tmp_path, capsys, monkeypatch):
+    from dsbrdf import convert
+
+    done = []
+    monkeypatch.setattr(convert, "convert", lambda source, target, *_, **__: done.append((source, target)))
+    sets, models, empty = tmp_path / "sets", tmp_path / "models", tmp_path / "empty"
+    for folder in (sets, models, empty):
+        folder.mkdir()
+    (models / "a.json").hardlink_to(model_file)
+    (models / ".record.json").touch()
+    for part in PARTS:
+        (sets / f"one_{part}.npy").touch()
+    assert run(capsys, sets, tmp_path / "one.npz")[0] == 0
+    assert done.pop() == (sets, tmp_path / "one.npz")
+    for part in PARTS:
+        (sets / f"two_{part}.npy").touch()
+    assert run(capsys, sets, tmp_path, "-t", "npz")[0] == 0
+    assert done == [(sets / f"{name}_fc1.npy", tmp_path / f"{name}.npz") for name in ("one", "two")]
+    assert run(capsys, models, tmp_path, "-t", "csv")[0] == 0
+    assert done[2:] == [(models / "a.json", tmp_path / "a.csv")]
+    status, _, err = run(capsys, empty, tmp_path, "-t", "csv")
+    assert status == 1
+    assert err == [f"dsbrdf: error: {empty}: no measured file and no model file (.json) in this folder."]
+
+
 @pytest.mark.slow
-def test_the_loss_of_an_rgl_file_counts_from_its_own_values(tmp_path):
+def test_the_loss_an_rgl_file_counts_from_its_own_values(tmp_path):
     from dsbrdf.measured.rgl import read_rgl
     from dsbrdf.measured.tensor_file import read_tensor_file, write_tensor_file
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import io
 import json
 import math
@@ -49,7 +50,7 @@ class Book:
         self.folder = folder
         # As they come back from a file
         self.options: dict[str, Any] = json.loads(
-            json.dumps({**options, "version": __version__}, default=str, sort_keys=True)
+            json.dumps({**options, "version": __version__}, default=_told, sort_keys=True)
         )
         self.entries = {} if folder is None else _read_record(folder / RECORD)
         self.earlier = {} if force else dict(self.entries)
@@ -84,7 +85,8 @@ class Book:
 
     def _has_figures(self, name: str) -> bool:
         assert self.folder is not None
-        endings = ["", "-parameters"] + ["-selection"] * (self.options.get("n_lobes", "auto") == "auto")
+        is_selected = self.options.get("n_lobes", "auto") == "auto" and "prior" not in self.options
+        endings = ["", "-parameters"] + ["-selection"] * is_selected
         return all(figure_path(self.folder / f"{name}.json", ending).exists() for ending in endings)
 
     def add(self, name: str, entry: dict[str, Any]) -> None:
@@ -132,6 +134,16 @@ class Book:
         ]
         rows += [_row(name, {}, f"failed: {text}") for name, text in failures]
         return sorted(rows, key=lambda row: str(row["name"]))
+
+
+def _told(option: Any) -> str:
+    """An option in words; of a space, what tells it from others."""
+    from dsbrdf.space import MaterialSpace
+
+    if not isinstance(option, MaterialSpace):
+        return str(option)
+    content = repr((option.settings, option.border, option.n_diffuse)).encode() + option.curves.tobytes()
+    return f"{len(option.names)} materials, SHA-256 {hashlib.sha256(content).hexdigest()}"
 
 
 def _read_record(path: Path) -> dict[str, dict[str, Any]]:

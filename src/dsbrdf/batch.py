@@ -14,6 +14,7 @@ from dsbrdf import _files, materials
 from dsbrdf._batch_record import RECORD, TABLES, Book, figure_path, source_of
 from dsbrdf.fit import Fit, FitStatus, fit
 from dsbrdf.measured import MeasuredBRDF, Samples, read
+from dsbrdf.measured.nbrdf import npy_set
 from dsbrdf.model import DSBRDF
 from dsbrdf.selection import LobeSelection
 
@@ -39,8 +40,8 @@ Target = str | Path | MeasuredBRDF | Samples
 WORKERS = 2
 #: Begun beyond those that are worked on, before the first is handed on: bounds what is held in memory.
 AHEAD = 1
-#: Files of a folder that are fitted.
-SUFFIXES = (".binary", ".bsdf")
+#: Files of a folder that are measured ones; an image in it may be anything, and is given by itself.
+SUFFIXES = (".binary", ".bsdf", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".tsv")
 
 
 class WorkerDiedError(RuntimeError):
@@ -106,7 +107,7 @@ def describe(error: BaseException) -> str:
 
 
 def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[str], list[Outcome]]:
-    """Files and names of materials, with folders replaced by the tables in them.
+    """Files and names of materials, with folders replaced by the measured files in them.
 
     Returns
     -------
@@ -127,10 +128,18 @@ def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[s
 
 
 def _inside(folder: Path) -> list[str]:
-    inside = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.is_dir()]
+    inside = sorted(str(entry) for entry in folder.iterdir() if _is_measured(entry))
     if not inside:
-        raise ValueError(f"{folder}: no {' or '.join(SUFFIXES)} file in this folder.")
-    return sorted(map(str, inside))
+        raise ValueError(f"{folder}: no measured file ({', '.join(SUFFIXES)}) in this folder.")
+    return inside
+
+
+def _is_measured(entry: Path) -> bool:
+    """Whether a file of a folder is one to fit; of the six of a neural BRDF, the first."""
+    if entry.suffix.lower() not in SUFFIXES or entry.name in TABLES or entry.is_dir():
+        return False
+    network = npy_set(entry)
+    return network is None or network["fc1"] == entry
 
 
 def _label(target: Target) -> str:
@@ -142,8 +151,8 @@ def _failure(target: str, error: Exception) -> str:
     return text if target in text else f"{target}: {text}"
 
 
-def open_target(target: str) -> MeasuredBRDF | Samples:
-    """The measured file, or else the built-in material, of this name.
+def open_target(target: str, columns: Sequence[str] | None = None) -> MeasuredBRDF | Samples:
+    """The measured file, its columns named if it is text, or else the built-in material, of this name.
 
     Raises
     ------
@@ -153,7 +162,7 @@ def open_target(target: str) -> MeasuredBRDF | Samples:
         If the file cannot be read.
     """
     if Path(target).exists():
-        return read(target)
+        return read(target, columns=columns)
     if target in materials.names():
         return materials.material(target)
     if Path(target).suffix or Path(target).name != target:
@@ -168,6 +177,7 @@ def fit_many(
     targets: str | Path | Iterable[Target],
     out: str | Path | None = None,
     *,
+    columns: Sequence[str] | None = None,
     processes: int = 0,
     record: bool = True,
     force: bool = False,
@@ -191,6 +201,8 @@ def fit_many(
         work goes on, so that measurements can be made one by one.
     out : str or Path, optional
         Folder for models `<name>.json`; none are written by default.
+    columns : sequence of str, optional
+        Names of the columns of text, see `dsbrdf.read_samples`.
     processes : int, optional
         Fit in so many processes of their own: a fit that crashes or is killed is tried once more, and then noted as
         failed while the others go on. By default two threads of this process, which are as fast.
@@ -231,14 +243,15 @@ def fit_many(
         from dsbrdf._worker import Workers
 
         workers = Workers(processes)
-    book = Book(folder if record else None, options, force=force)
+    named = {} if columns is None else {"columns": list(columns)}
+    book = Book(folder if record else None, options | named, force=force)
     taken: dict[Path, str] = {}
     outcomes: list[Outcome] = []
     failures: list[tuple[str, str]] = []
 
     def work(target: Target) -> _Work:
         begin(_label(target))
-        return _work(target, options, book, plots, workers)
+        return _work(target, columns, options, book, plots, workers)
 
     def finish(target: str, of_thread: _Work) -> Outcome:
         error = of_thread.error
@@ -285,19 +298,24 @@ def _ahead(
 
 
 def _work(
-    target: Target, options: Mapping[str, Any], book: Book, plots: bool, workers: Workers | None
+    target: Target,
+    columns: Sequence[str] | None,
+    options: Mapping[str, Any],
+    book: Book,
+    plots: bool,
+    workers: Workers | None,
 ) -> _Work:
     name = Path(_label(target)).stem
     try:
         target = str(target) if isinstance(target, Path) else target
-        measured = open_target(target) if isinstance(target, str) else target
+        measured = open_target(target, columns) if isinstance(target, str) else target
         name = measured.name
         source = source_of(measured) if book.folder is not None else None
         entry = book.still_good(name, measured, source, plots)
         if entry is not None:
             return _Work(name, source, entry=entry)
         if workers is not None:
-            result, summary = workers.fit(target, measured, options, book.folder is not None)
+            result, summary = workers.fit(target, columns, measured, options, book.folder is not None)
         else:
             result = fit(measured, **options)
             if book.folder is not None:

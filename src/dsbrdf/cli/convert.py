@@ -25,7 +25,10 @@ class Kind(StrEnum):
 def convert(
     context: typer.Context,
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="A measured file of any format, a model file, or a folder.")
+        Path,
+        typer.Argument(
+            metavar="IN", help="A measured file of any format, a model file, or a folder of either."
+        ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; a folder if IN is one.")],
     kind: Annotated[
@@ -44,15 +47,17 @@ def convert(
 
     state: State = context.obj
     names = None if columns is None else columns.split(",")
-    if not source.is_dir() or npy_set(source) is not None:
+    inside = _inside(source) if source.is_dir() else []
+    if not inside or (len(inside) == 1 and npy_set(source) is not None):
         print(convert_file(source, target, kind, columns=names))
         return
     if kind is None:
         raise typer.BadParameter("a folder needs a format: add -t FORMAT.", param_hint="'--to'")
     failed = 0
-    for file in sorted(entry for entry in source.iterdir() if entry.is_file()):
+    for file in inside:
+        name = file.stem.removesuffix("_fc1")
         try:
-            print(convert_file(file, target / f"{file.stem}{KINDS[kind]}", kind, columns=names), flush=True)
+            print(convert_file(file, target / f"{name}{KINDS[kind]}", kind, columns=names), flush=True)
         except (OSError, ValueError, ImportError) as error:
             if state.debug:
                 raise
@@ -60,3 +65,15 @@ def convert(
             failed += 1
     if failed:
         raise typer.Exit(1)
+
+
+def _inside(folder: Path) -> list[Path]:
+    """The measured files of a folder, or else its model files."""
+    from dsbrdf import batch
+
+    # Records of batches have a name that begins with a point
+    models = sorted(folder.glob("[!.]*.json"))
+    measured, failures = batch.expand([folder])
+    if failures and not models:
+        raise ValueError(f"{folder}: no measured file and no model file (.json) in this folder.")
+    return list(map(Path, measured)) or models

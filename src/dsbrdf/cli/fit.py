@@ -34,7 +34,7 @@ def fit(
         list[str],
         typer.Argument(
             metavar="FILE",
-            help="Measured files (MERL, RGL, samples as text, ...), folders of tables, or names of built-in materials.",
+            help="Measured files (MERL, RGL, samples as text, ...), folders of them, or names of built-in materials.",
             show_default=False,
         ),
     ],
@@ -77,6 +77,23 @@ def fit(
             "--curves", help="Smooth over theta_d: splines, fitted to all rows; models are smaller."
         ),
     ] = False,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SPACE",
+            help="The most probable material of a space, given the data: for few samples. "
+            "SPACE is a file of 'dsbrdf space build'.",
+            show_default=False,
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Columns of text, as in theta_i_deg,theta_o_deg,phi_o_deg,r,g,b.",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
     ] = False,
@@ -99,6 +116,16 @@ def fit(
         options |= {"azimuthal": False, "order": "kappa"}
     if curves:
         options["curves"] = True
+    if prior is not None:
+        if lobes != "auto" or loss is not Loss.l2 or paper or curves or criterion or slices:
+            raise typer.BadParameter(
+                "the space decides on lobes and slices: leave out --lobes, --criterion, --paper, --loss, --slices and "
+                "--curves.",
+                param_hint="'--prior'",
+            )
+        from dsbrdf.space import load_space
+
+        options = {"prior": load_space(prior)}
     state: State = context.obj
     targets, failures = batch.expand(files, strict=state.debug)
     is_batch = len(files) > 1 or targets != files
@@ -114,6 +141,7 @@ def fit(
             batch.fit_many(
                 targets,
                 out,
+                columns=None if columns is None else columns.split(","),
                 record=is_batch,
                 force=force,
                 strict=state.debug,

@@ -38,8 +38,13 @@ class Correspondence(StrEnum):
 def build(
     context: typer.Context,
     models: Annotated[
-        list[Path],
-        typer.Argument(metavar="MODEL", help="Model files, or folders of them.", show_default=False),
+        list[str],
+        typer.Argument(
+            metavar="MODEL",
+            help="Model files, measured files, folders of either, or names of built-in materials. What is measured is "
+            "fitted: three lobes, by the logarithmic loss over all angles.",
+            show_default=False,
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="SPACE", help="File to write.")] = DEFAULT,
     raw: Annotated[
@@ -54,21 +59,24 @@ def build(
     azimuthal: Annotated[
         bool, typer.Option("--azimuthal", help="Take the azimuthal term into the space.")
     ] = False,
+    view: Annotated[
+        Path | None,
+        typer.Option("--view", metavar="FILE", help="Write a web page of the models, laid out in the space."),
+    ] = None,
 ) -> None:
-    """Build a space of fitted models."""
-    from dsbrdf import model_file, report
+    """Build a space of materials."""
+    from dsbrdf import report
     from dsbrdf.space import build_space
+    from dsbrdf.view import view as write_page
 
     check_folder(out.parent)
-    state: State = context.obj
-    loaded = []
-    for path in _files(models):
-        state.begin(str(path))
-        loaded.append(model_file.load(path))
-    state.begin("")
-    made = build_space(loaded, logarithmic=not raw, correspondence=correspondence.value, azimuthal=azimuthal)
+    opened = _open(models, context.obj, azimuthal)
+    made = build_space(opened, logarithmic=not raw, correspondence=correspondence.value, azimuthal=azimuthal)
     made.save(out)
     report.print_space(made, out)
+    if view is not None:
+        write_page(opened, view, space=made)
+        typer.echo(f"Page: {view}")
 
 
 @space.command()
@@ -145,15 +153,29 @@ def sample(
         _write(model, out / f"{_stem(model.name)}.json")
 
 
-def _files(paths: list[Path]) -> list[Path]:
-    """Files, with folders replaced by the .json files in them."""
-    found = []
-    for path in paths:
-        inside = sorted(path.glob("*.json")) if path.is_dir() else [path]
-        if not inside:
-            raise FileNotFoundError(f"{path}: no model files (.json) in it.")
-        found += inside
-    return found
+def _open(targets: list[str], state: State, azimuthal: bool) -> list[DSBRDF]:
+    """Models, in the order given; what is measured is fitted in the way that is best for spaces (record 0011)."""
+    from dsbrdf import batch, model_file, report
+    from dsbrdf.space import FIT
+    from dsbrdf.view import collect
+
+    names = collect.expand(targets)
+    measured = [name for name in names if not _is_model(name)]
+    with report.progress(len(measured)) as step:
+        outcomes = batch.fit_many(
+            measured, strict=True, begin=state.begin, step=step, **FIT, azimuthal=azimuthal
+        )
+    fitted = iter([outcome.model for outcome in outcomes if outcome.model is not None])
+    opened = []
+    for name in names:
+        state.begin(name)
+        opened.append(model_file.load(name) if _is_model(name) else next(fitted))
+    state.begin("")
+    return opened
+
+
+def _is_model(name: str) -> bool:
+    return Path(name).suffix.lower() == ".json"
 
 
 def _load(path: Path) -> MaterialSpace:

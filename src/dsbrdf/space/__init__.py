@@ -4,13 +4,14 @@
 materials, and is the prior of `dsbrdf.fit(samples, prior=space)`.
 """
 
-from dsbrdf.space.build import build_space, lobe_fpca
+from dsbrdf.space.build import FIT, build_space, lobe_fpca
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings
 from dsbrdf.space.space_file import SpaceFormatError, load_space
 
 __all__ = [
+    "FIT",
     "Fpca",
     "MaterialSpace",
     "SpaceFormatError",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,10 @@ from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings, check_channels, check_convention, convention_of
 from dsbrdf.space.variables import Variables
 
-__all__ = ["build_space", "lobe_fpca"]
+__all__ = ["FIT", "build_space", "lobe_fpca"]
+
+#: Options of `dsbrdf.fit` that make the best models for a space: as many lobes in each, tails weighed as peaks.
+FIT: dict[str, Any] = {"n_lobes": 3, "loss": "log", "perimeter_mask": False, "min_theta_h": 0.0}
 
 
 def build_space(
