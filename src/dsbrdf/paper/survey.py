@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsbrdf import _files, baselines, metrics
-from dsbrdf.fit import fit_profiles
+from dsbrdf import _files, baselines
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.paper.tables import Tables, paper_fit
 
@@ -57,7 +56,6 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
     """Numbers of one material."""
     paper = paper_fit(measured)
     n_lobes, errors = paper.model.n_lobes, paper.errors
-    em, _ = fit_profiles(paper.profiles, n_lobes, method="em", azimuthal=False, order="kappa")
     other = baselines.fit_lambert_torrance_sparrow(measured)
     return Row(
         name=name,
@@ -68,7 +66,7 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
         monotone_floor=errors.monotone_floor,
         azimuthal_floor=errors.azimuthal_floor,
         torrance_sparrow=baselines.errors(other, measured).rel_rms,
-        em=metrics.fit_errors(paper.profiles, *em).rel_rms,
+        em=paper_fit(measured, n_lobes, method="em").errors.rel_rms,
         unconverged=sum(not report.status.ok for report in paper.slices),
         seconds=paper.seconds,
     )

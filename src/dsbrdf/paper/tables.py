@@ -92,8 +92,10 @@ def open_tables(data: Path | None) -> Tables:
     return Tables(name, tuple(files), lambda material: read_merl(files[material]), tuple(skipped))
 
 
-def paper_fit(measured: MeasuredBRDF, n_lobes: int | str = "auto", *, azimuthal: bool = False) -> Fit:
+def paper_fit(
+    measured: MeasuredBRDF, n_lobes: int | str = "auto", *, method: str = "joint", azimuthal: bool = False
+) -> Fit:
     """Fit the paper's model: no azimuthal term, lobes ordered by kappa; slices out of iterations pass."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return fit(measured, n_lobes, azimuthal=azimuthal, order="kappa")
+        return fit(measured, n_lobes, method=method, azimuthal=azimuthal, order="kappa")
