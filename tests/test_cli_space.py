@@ -128,7 +128,7 @@ def test_plot(built, tmp_path):
         (["build", "empty"], "empty: no model file (.json) and no measured file in this folder."),
         (["build"], "Missing argument 'MODEL'"),
         (["nearest", "jade"], "jade: neither a file nor one of the 5 materials of the space."),
-        (["nearest", "material-0", "-s", "none.npz"], "none.npz: No such file or directory."),
+        (["nearest", "material-0", "-s", "none.npz"], "none.npz: there is no space yet."),
         (["nearest", "material-0", "-s", "models/material-0.json"], "not a sound .npz file"),
         (["nearest", "models/one-channel.json"], "one-channel: 1 channels, where the space has 3."),
         (["blend", "material-0", "material-1", "--t", "2"], "'t' must be between 0 and 1, got 2.0."),
@@ -144,3 +144,27 @@ def test_says_what_is_wrong(built, tmp_path, arguments, text):
     assert out == ""
     assert text in err
     assert len(err.splitlines()) == 1
+
+
+def test_nothing_is_written_over_what_is_read(built, tmp_path):
+    model = tmp_path / "models" / "material-0.json"
+    before = model.read_bytes()
+    status, _, err = built("build", "models", "-o", "models/material-0.json")
+    assert status == 2
+    assert "a space is an .npz file, got models/material-0.json" in err
+    for arguments in (("move", model), ("blend", model, "material-1")):
+        status, _, err = built(*arguments, "-o", model)
+        assert status == 2
+        assert "is read by this command: give another name" in err
+    assert model.read_bytes() == before
+
+
+def test_far_moves_are_told(built):
+    assert "beyond all materials; run 'dsbrdf check'" in built("move", "material-0", "--by", "9")[2]
+    assert built("move", "material-0", "--by", "2", "-o", "near.json")[2] == ""
+
+
+def test_a_space_that_is_not_there(run):
+    status, _, err = run("nearest", "material-0")
+    assert status == 1
+    assert "space.npz: there is no space yet. Make one with 'dsbrdf space build'." in err

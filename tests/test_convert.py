@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import dsbrdf
 import dsbrdf.export.rgl
 import dsbrdf.reflectance
-from dsbrdf import Samples, cli, read, tabulate
+from dsbrdf import Samples, cli, materials, read, tabulate
 from dsbrdf.convert import KINDS, convert, write_csv
 from dsbrdf.measured.array_file import write_npz
 from dsbrdf.measured.nbrdf import PARTS
@@ -220,7 +220,12 @@ def test_a_folder_of_networks_or_of_models(model_file, tmp_path, capsys, monkeyp
     from dsbrdf import convert
 
     done = []
-    monkeypatch.setattr(convert, "convert", lambda source, target, *_, **__: done.append((source, target)))
+
+    def stand_in(source, target, *_, **__):
+        done.append((source, target))
+        return convert.Conversion(target, "npz", 0.0, 1.0)
+
+    monkeypatch.setattr(convert, "convert", stand_in)
     sets, models, empty = tmp_path / "sets", tmp_path / "models", tmp_path / "empty"
     for folder in (sets, models, empty):
         folder.mkdir()
@@ -265,3 +270,25 @@ def test_the_loss_an_rgl_file_counts_from_its_own_values(tmp_path):
     expected = np.sqrt(((table.values[kept] - there) ** 2).sum() / (there**2).sum())
     assert loss[1] == pytest.approx(expected, rel=1e-6)
     assert loss[1] > 0.02
+
+
+def test_a_file_is_not_written_over_itself(tmp_path, capsys):
+    path = tmp_path / "a.npz"
+    path.write_bytes(b"as it was")
+    status, _, err = run(capsys, path, path)
+    assert status == 2
+    assert f"{path} is read by this command: give another name." in err[0]
+    assert path.read_bytes() == b"as it was"
+
+
+def test_a_nearly_empty_table_is_told(scan, tmp_path, capsys):
+    status, _, err = run(capsys, scan, tmp_path / "scan.binary")
+    assert status == 0
+    assert err == [
+        f"dsbrdf: warning: {tmp_path / 'scan.binary'} is nearly empty. Fit what was measured, and convert the model."
+    ]
+
+
+def test_a_built_in_material_is_converted(tmp_path, capsys):
+    assert run(capsys, "matte", tmp_path / "matte.npz")[0] == 0
+    assert_array_equal(read(tmp_path / "matte.npz").values, materials.material("matte").values)

@@ -94,7 +94,7 @@ def test_the_command_tells_what_a_preview_loses(model_file, tmp_path, capsys):
 def test_the_command_keeps_the_model(model_file, capsys):
     before = model_file.read_bytes()
     assert main(["export", str(model_file), "-t", "principled"]) == 2
-    assert "is the model itself: give another name" in capsys.readouterr().err
+    assert "is read by this command: give another name" in capsys.readouterr().err
     assert model_file.read_bytes() == before
 
 

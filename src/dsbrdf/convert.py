@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files, half_diff, model_file
+from dsbrdf import _files, half_diff, materials, model_file
 from dsbrdf.measured.brdf import SHAPE, MeasuredBRDF, cell_angles, tabulate
 from dsbrdf.measured.merl import write_merl
 from dsbrdf.measured.read import read
@@ -64,7 +64,7 @@ def convert(
     Parameters
     ----------
     source : str or Path
-        A file that `dsbrdf.read` reads, or a model file.
+        A file that `dsbrdf.read` reads, a model file, or the name of a built-in material.
     target : str or Path
         Written aside and renamed.
     kind : {"merl", "rgl", "npz", "csv", "tsv"}, optional
@@ -106,6 +106,8 @@ def _kind(target: Path, kind: str | None) -> str:
 
 
 def _open(path: Path, columns: Sequence[str] | None) -> Content:
+    if str(path) in materials.names() and not path.exists():
+        return materials.material(str(path))
     if columns is None and path.is_file():
         with path.open("rb") as file:
             if file.read(4096).lstrip()[:1] == b"{":

@@ -197,7 +197,7 @@ def print_demo(rows: Sequence[DemoRow], written: str) -> None:
     """Print a table of built-in materials, with albedos and the size of models against tables."""
     table = _table(
         "material", "lobes", "error\n%", "bivar.\nfloor", "monot.\nfloor", "azim.\nfloor",
-        "albedo\n0 deg", "time\nms", "model\nkB", "table/\nmodel", gap=1,
+        "albedo\n0 deg", "time\nms", "numbers\nkB", "table/\nnumbers", gap=1,
     )  # fmt: skip
     for row in rows:
         summary = row.fit.summary()

@@ -12,14 +12,14 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-__all__ = ["State", "app", "check_folder", "main", "missing_plots", "say"]
+__all__ = ["State", "app", "check_folder", "check_output", "main", "missing_plots", "say"]
 
 INTERRUPTED = 130
 
@@ -110,7 +110,8 @@ def _report(error: BaseException) -> int:
     usage = getattr(error, "format_message", None)
     if usage is not None:
         context = getattr(error, "ctx", None)
-        say(f"error: {usage().rstrip('.')}. Try '{context.command_path if context else 'dsbrdf'} --help'.")
+        text = usage().replace("Value error, ", "").rstrip(".")
+        say(f"error: {text}. Try '{context.command_path if context else 'dsbrdf'} --help'.")
         return int(getattr(error, "exit_code", 2))
     from dsbrdf import batch
 
@@ -154,6 +155,12 @@ def check_folder(folder: Path) -> None:
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(existing))
     if not os.access(existing, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
+
+
+def check_output(out: Path, inputs: Iterable[str | Path]) -> None:
+    """Fail if a command would write over one of the files it reads."""
+    if any(out.absolute() == Path(path).absolute() for path in inputs):
+        raise typer.BadParameter(f"{out} is read by this command: give another name.", param_hint="'--out'")
 
 
 def missing_plots() -> str:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, say
+from dsbrdf.cli._app import State, app, check_output, say
+
+if TYPE_CHECKING:
+    from dsbrdf.convert import Conversion
+
+
+#: Share of valid entries below which a table is of little use.
+SPARSE = 0.1
 
 
 class Kind(StrEnum):
@@ -27,7 +34,8 @@ def convert(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="IN", help="A measured file of any format, a model file, or a folder of either."
+            metavar="IN",
+            help="A measured file of any format, a model file, a folder of either, or a built-in material.",
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; a folder if IN is one.")],
@@ -49,7 +57,8 @@ def convert(
     names = None if columns is None else columns.split(",")
     inside = _inside(source) if source.is_dir() else []
     if not inside or (len(inside) == 1 and npy_set(source) is not None):
-        print(convert_file(source, target, kind, columns=names))
+        check_output(target, [source])
+        _tell(convert_file(source, target, kind, columns=names))
         return
     if kind is None:
         raise typer.BadParameter("a folder needs a format: add -t FORMAT.", param_hint="'--to'")
@@ -57,7 +66,9 @@ def convert(
     for file in inside:
         name = file.stem.removesuffix("_fc1")
         try:
-            print(convert_file(file, target / f"{name}{KINDS[kind]}", kind, columns=names), flush=True)
+            out = target / f"{name}{KINDS[kind]}"
+            check_output(out, [file])
+            _tell(convert_file(file, out, kind, columns=names))
         except (OSError, ValueError, ImportError) as error:
             if state.debug:
                 raise
@@ -65,6 +76,12 @@ def convert(
             failed += 1
     if failed:
         raise typer.Exit(1)
+
+
+def _tell(done: Conversion) -> None:
+    print(done, flush=True)
+    if done.coverage < SPARSE:
+        say(f"warning: {done.path} is nearly empty. Fit what was measured, and convert the model.")
 
 
 def _inside(folder: Path) -> list[Path]:

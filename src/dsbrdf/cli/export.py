@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import app, say
+from dsbrdf.cli._app import app, check_output, say
 from dsbrdf.export import FORMATS
 
 HELP = "\n\n".join(f"{name}: {entry.description}." for name, entry in FORMATS.items())
@@ -33,8 +33,7 @@ def export(
     if to not in FORMATS:
         raise typer.BadParameter(f"expected one of {', '.join(FORMATS)}, got {to!r}.", param_hint="'--to'")
     path = model.with_suffix("." + FORMATS[to].suffix) if out is None else out
-    if path.absolute() == model.absolute():
-        raise typer.BadParameter(f"{path} is the model itself: give another name.", param_hint="'--out'")
+    check_output(path, [model])
     lost = write(model_file.load(model), path, to)
     print(f"Written: {path}")
     if lost:

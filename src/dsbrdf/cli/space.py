@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say
 
 if TYPE_CHECKING:
     from dsbrdf.model import DSBRDF
@@ -25,6 +25,8 @@ Out = Annotated[
 ]
 MATERIAL = "A model file, or the name of a material of the space."
 DEFAULT = Path("space.npz")
+#: Standard deviations beyond which there are no materials.
+FAR = 4.0
 
 
 class Correspondence(StrEnum):
@@ -70,7 +72,9 @@ def build(
     from dsbrdf.view import view as write_page
 
     check_folder(out.parent)
-    opened = _open(models, context.obj, azimuthal)
+    if out.suffix.lower() != ".npz":
+        raise typer.BadParameter(f"a space is an .npz file, got {out}.", param_hint="'--out'")
+    opened = _open(models, out, context.obj, azimuthal)
     made = build_space(opened, logarithmic=not raw, correspondence=correspondence.value, azimuthal=azimuthal)
     made.save(out)
     report.print_space(made, out)
@@ -87,12 +91,10 @@ def plot(
     ),
 ) -> None:
     """Draw a map of the materials, their variance, the principal functions, and a blend."""
-    from dsbrdf.space import load_space
-
     if missing := missing_plots():
         raise ModuleNotFoundError(missing)
     check_folder(out)
-    made = load_space(path)
+    made = _load(path)
     from dsbrdf.space import plot as figures
 
     for file in figures.write_all(made, out):
@@ -122,7 +124,7 @@ def blend(
 ) -> None:
     """Write the model part of the way from A to B."""
     made = _load(path)
-    _write(made.blend(_material(made, a), _material(made, b), t), out)
+    _write(made.blend(_material(made, a), _material(made, b), t), out, a, b)
 
 
 @space.command()
@@ -135,7 +137,11 @@ def move(
 ) -> None:
     """Write a model moved along a principal function."""
     made = _load(path)
-    _write(made.move(_material(made, model), axis, by), out)
+    if abs(by) > FAR:
+        say(
+            f"warning: {by:g} standard deviations are beyond all materials; run 'dsbrdf check' on what comes out."
+        )
+    _write(made.move(_material(made, model), axis, by), out, model)
 
 
 @space.command()
@@ -153,13 +159,14 @@ def sample(
         _write(model, out / f"{_stem(model.name)}.json")
 
 
-def _open(targets: list[str], state: State, azimuthal: bool) -> list[DSBRDF]:
+def _open(targets: list[str], out: Path, state: State, azimuthal: bool) -> list[DSBRDF]:
     """Models, in the order given; what is measured is fitted in the way that is best for spaces (record 0011)."""
     from dsbrdf import batch, model_file, report
     from dsbrdf.space import FIT
     from dsbrdf.view import collect
 
     names = collect.expand(targets)
+    check_output(out, names)
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
         outcomes = batch.fit_many(
@@ -181,6 +188,8 @@ def _is_model(name: str) -> bool:
 def _load(path: Path) -> MaterialSpace:
     from dsbrdf.space import load_space
 
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: there is no space yet. Make one with 'dsbrdf space build'.")
     return load_space(path)
 
 
@@ -200,8 +209,9 @@ def _stem(name: str) -> str:
     return "-".join(name.replace("%", "").split())
 
 
-def _write(model: DSBRDF, out: Path | None) -> None:
+def _write(model: DSBRDF, out: Path | None, *inputs: str) -> None:
     path = out or Path(f"{_stem(model.name)}.json")
+    check_output(path, inputs)
     check_folder(path.parent)
     model.save(path)
     typer.echo(path)
