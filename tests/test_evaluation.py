@@ -212,6 +212,12 @@ def test_says_what_is_wrong_with_a_direction(wi, text):
         ({"gamma": np.ones((7, 3, 2))}, r"'gamma' must have shape .* got \(7, 3, 2\)"),
         ({"beta": np.full((7, 3, 3), 1.5)}, r"'beta' must be >= -1 and <= 1 and finite, got 1\.5"),
         ({"beta": np.full((7, 3, 3), np.nan)}, r"'beta' must be .*finite, got nan"),
+        ({"kappa": 1.0}, r"'kappa' must have shape \(theta_d, channel, lobe\).*with 7 theta_d, got \(\)\.$"),
+        ({"gamma": None}, r"'gamma' must have shape .* got \(\)\.$"),
+        ({"beta": 0}, r"'beta' must have shape .* like 'kappa' with 7 theta_d, got \(\)\.$"),
+        ({"beta": "none"}, r"'beta' must have shape .* got \(\)\.$"),
+        ({"beta": np.float64(0.0)}, r"'beta' must have shape .* got \(\)\.$"),
+        ({"spike": 0.0}, r"'spike' must have shape \(theta_d, channel\) \(7, 3\), got \(\)\.$"),
         ({"spike": np.full((7, 3), -1.0)}, r"'spike' must be >= 0 and finite, got -1"),
         ({"spike": np.ones((7, 2))}, r"'spike' must have shape \(theta_d, channel\) \(7, 3\), got \(7, 2\)"),
     ],
@@ -219,6 +225,25 @@ def test_says_what_is_wrong_with_a_direction(wi, text):
 def test_says_what_is_wrong_with_a_parameter(change, text):
     with pytest.raises(ValueError, match=text):
         random_model().replace(**change)
+
+
+def test_beta_is_zero_by_default(rng):
+    model = random_model()
+    model = model.replace(beta=np.zeros_like(model.beta))
+    wi, wo = upper(rng, 100), upper(rng, 100)
+    without = DSBRDF(model.theta_d, model.kappa.tolist(), model.gamma, spike=model.spike)
+    np.testing.assert_array_equal(without.eval(wi, wo), model.eval(wi, wo))
+    np.testing.assert_array_equal(model.replace(beta=None).beta, model.beta)
+
+
+def test_beta_is_zero_by_default_with_arrays_of_another_library(rng):
+    jnp = pytest.importorskip("jax.numpy")
+    model = random_model()
+    foreign = DSBRDF(model.theta_d, jnp.asarray(model.kappa), jnp.asarray(model.gamma), spike=model.spike)
+    wi, wo = upper(rng, 100), upper(rng, 100)
+    assert isinstance(foreign.kappa, jnp.ndarray)
+    expected = model.replace(beta=None).eval(wi, wo)
+    np.testing.assert_allclose(foreign.eval(wi, wo), expected, rtol=1e-4, atol=1e-4)
 
 
 def test_tells_what_it_is():

@@ -288,3 +288,10 @@ def test_promises_hold_on_decoded_materials(decoded, name):
     assert (default <= em * (1.0 + 1e-12)).all()
     assert (default <= plain * (1.0 + AS_GOOD)).all()
     np.testing.assert_allclose(default, sums_of_squares(fitted), rtol=1e-8)
+
+
+@pytest.mark.parametrize("measured", ["a.binary", np.ones((3, 3))])
+def test_only_measurements_are_fitted(measured):
+    text = r"'measured' must be a MeasuredBRDF or Samples, got (str|ndarray)\. Read a file with dsbrdf\.read\(path\)\.$"
+    with pytest.raises(TypeError, match=text):
+        fit(measured)

@@ -1,5 +1,6 @@
 """Pictures: of the plugin against a stock renderer's, tone mapping, differences, sheets, and `dsbrdf render`."""
 
+import dataclasses
 import json
 import runpy
 from pathlib import Path
@@ -14,7 +15,8 @@ from typer.testing import CliRunner
 
 from dsbrdf import baselines, cli
 from dsbrdf.export.rgl import write_rgl
-from dsbrdf.render import comparison, lighting, picture, quality, scene
+from dsbrdf.measured.array_file import write_npz
+from dsbrdf.render import comparison, lighting, picture, quality, scene, variants
 from dsbrdf.render.scene import View, render
 
 SMALL = View(size=16, spp=16)
@@ -235,3 +237,24 @@ def test_command_says_what_is_wrong(tmp_path, monkeypatch, capsys, arguments, te
     assert cli.main() in (1, 2)
     assert text in capsys.readouterr().err
     assert not list(tmp_path.glob("*.png"))
+
+
+def test_only_one_or_three_channels(tmp_path, monkeypatch, capsys):
+    """Refused before Mitsuba is asked for anything, by the command and by the function."""
+    monkeypatch.setattr(variants, "import_mitsuba", None)
+    monkeypatch.chdir(tmp_path)
+    model, table = lobes([1.0, 1.0], [5.0, 5.0], [0.0, 0.0]), built_in("matte")
+    model = model.replace(**{name: getattr(model, name)[:, :2] for name in ("kappa", "gamma", "beta")})
+    table = dataclasses.replace(table, planes=table.planes[:2], scale=table.scale[:2])
+    model.save(tmp_path / "two.json")
+    write_npz(table, tmp_path / "table.npz")
+    told = {}
+    for file in ("two.json", "table.npz"):
+        assert cli.main(["render", file]) == 1
+        told[file] = capsys.readouterr().err
+    text = "rendering needs one or three channels, the"
+    assert f"error: two.json: {text} model has 2. Keep one of them, or three" in told["two.json"]
+    assert f"error: {table.name}: {text} table has 2. Keep one of them, or three" in told["table.npz"]
+    for reflectance, kind in ((model, "model"), (table, "table")):
+        with pytest.raises(ValueError, match=f"{text} {kind} has 2\\. Keep one .* those of its arrays"):
+            render(reflectance, SMALL)

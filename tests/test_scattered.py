@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tables import formula, known, quiet_fit
 
-from dsbrdf import Samples, cli, fit, half_diff, load, materials, scattered
+from dsbrdf import Samples, batch, cli, fit, half_diff, load, materials, scattered
 from dsbrdf.fit_scattered import FOLDS, SAMPLES_A_NUMBER, even_slices
 
 
@@ -362,12 +362,22 @@ def test_high_floors_are_named(data, capsys):
 
 def test_figures_need_a_table(tmp_path, capsys):
     scan = in_plane_scan(materials.material("matte").eval)
-    path = tmp_path / "scan.csv"
+    path, out = tmp_path / "scan.csv", tmp_path / "out"
     write_scan(path, scan)
-    assert cli.main(["fit", str(path), "-o", str(tmp_path / "out"), "--plot"]) == 1
+    assert cli.main(["fit", str(path), "-o", str(out), "--plot", "--view"]) == 0
     text = (
-        f"scan: this needs a measured table, and these are {len(scan)} scattered samples. See the model with"
+        f"warning: scan: no figures: they show a measured table, and these are {len(scan)} scattered samples."
     )
-    assert text in capsys.readouterr().err
+    assert capsys.readouterr().err.count(text) == 1
+    assert sorted(file.suffix for file in out.iterdir()) == [".html", ".json"]
     with pytest.raises(ValueError, match="or make a table with 'dsbrdf convert'"):
         _ = quiet_fit(scan).table
+
+
+def test_scans_without_figures_are_kept(tmp_path):
+    scan = tmp_path / "scan.csv"
+    write_scan(scan, in_plane_scan(materials.material("matte").eval))
+    options = {"plots": True, "n_lobes": 1, "n_slices": 3}
+    with pytest.warns(UserWarning, match="scan: no figures: they show a measured table, and these are 198"):
+        batch.fit_many([scan], tmp_path / "out", **options)
+    assert batch.fit_many([scan], tmp_path / "out", **options)[0].kept

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -213,7 +214,8 @@ def fit_many(
     strict : bool, optional
         Raise instead of going on.
     plots : bool, optional
-        Write figures beside the models, which needs matplotlib.
+        Write figures beside the models, which needs matplotlib; of scattered samples there are none, with a
+        warning.
     step : callable, optional
         Told in order what is waited for.
     begin : callable, optional
@@ -311,7 +313,7 @@ def _work(
         measured = open_target(target, columns) if isinstance(target, str) else target
         name = measured.name
         source = source_of(measured) if book.folder is not None else None
-        entry = book.still_good(name, measured, source, plots)
+        entry = book.still_good(name, measured, source, plots and isinstance(measured, MeasuredBRDF))
         if entry is not None:
             return _Work(name, source, entry=entry)
         if workers is not None:
@@ -352,6 +354,14 @@ def _finish(target: str, work: _Work, path: Path | None, book: Book, plots: bool
 
 
 def _write_figures(result: Fit, path: Path) -> None:
+    if isinstance(result.measured, Samples):
+        warnings.warn(
+            f"{result.model.name}: no figures: they show a measured table, and these are {len(result.measured)} "
+            "scattered samples. See the model with 'dsbrdf view'.",
+            UserWarning,
+            stacklevel=2,
+        )
+        return
     from dsbrdf import plot, plot_selection
 
     plot.write_figure(plot.fit_figure(result), figure_path(path, ""))

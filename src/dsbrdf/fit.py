@@ -100,6 +100,8 @@ def fit(
 
     Raises
     ------
+    TypeError
+        If `measured` is neither a table nor samples, e.g. the name of a file.
     ValueError
         If an option is out of range, or no slice has a valid sample.
     RuntimeError
@@ -110,6 +112,11 @@ def fit(
     ConvergenceWarning
         If slices ran out of iterations.
     """
+    if not isinstance(measured, MeasuredBRDF | Samples):
+        raise TypeError(
+            f"'measured' must be a MeasuredBRDF or Samples, got {type(measured).__name__}. Read a file with "
+            "dsbrdf.read(path)."
+        )
     is_table = isinstance(measured, MeasuredBRDF)
     azimuthal = is_table and method != "em" if azimuthal is None else azimuthal
     _check_options(n_lobes, method, loss, azimuthal, order, fill)

@@ -37,8 +37,8 @@ class DSBRDF:
     theta_d : (theta_d,) ndarray, radians
         Ascending.
     kappa, gamma, beta : (theta_d, channel, lobe) arrays
-        `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1]; of NumPy, or of any library of the array API standard
-        to keep gradients.
+        `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1], 0 by default; of NumPy, or of any library of the array API
+        standard to keep gradients.
     spike : (theta_d, channel) array, 1/sr, optional
         Heights, at least 0, of the delta term: a cap of the half vector that ends at one degree (see
         `dsbrdf.spike`); none by default.
@@ -61,7 +61,7 @@ class DSBRDF:
     theta_d: NDArray[np.float64]
     kappa: Any
     gamma: Any
-    beta: Any
+    beta: Any = None
     spike: Any = None
     name: str = ""
     source: Source = field(default_factory=Source)
@@ -82,28 +82,21 @@ class DSBRDF:
         }
         for name, limits in checks.items():
             values = getattr(self, name)
-            if isinstance(values, np.ndarray | list | tuple):
-                values = np.ascontiguousarray(_check.finite(values, name, **limits))
-                object.__setattr__(self, name, values)
-            if (
-                values.ndim != 3
-                or values.shape[0] != theta_d.size
-                or tuple(values.shape) != tuple(self.kappa.shape)
-            ):
+            if name == "beta" and values is None:
+                values = np.zeros(_shape(self.kappa))
+            shape = _shape(values)
+            if len(shape) != 3 or shape[0] != theta_d.size or shape != _shape(self.kappa):
                 raise ValueError(
                     f"'{name}' must have shape (theta_d, channel, lobe) like 'kappa' with {theta_d.size} theta_d, "
-                    f"got {tuple(values.shape)}."
+                    f"got {shape}."
                 )
+            object.__setattr__(self, name, _checked(values, name, **limits))
 
-        spike = np.zeros(self.kappa.shape[:2]) if self.spike is None else self.spike
-        if isinstance(spike, np.ndarray | list | tuple):
-            spike = np.ascontiguousarray(_check.finite(spike, "spike", low=0.0))
-        if tuple(spike.shape) != tuple(self.kappa.shape[:2]):
-            raise ValueError(
-                f"'spike' must have shape (theta_d, channel) {tuple(self.kappa.shape[:2])}, "
-                f"got {tuple(spike.shape)}."
-            )
-        object.__setattr__(self, "spike", spike)
+        expected = _shape(self.kappa)[:2]
+        spike = np.zeros(expected) if self.spike is None else self.spike
+        if _shape(spike) != expected:
+            raise ValueError(f"'spike' must have shape (theta_d, channel) {expected}, got {_shape(spike)}.")
+        object.__setattr__(self, "spike", _checked(spike, "spike", low=0.0))
 
     @property
     def n_channels(self) -> int:
@@ -272,3 +265,15 @@ class DSBRDF:
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
         return f"DSBRDF({name}{self.n_lobes} lobes, {self.n_channels} channels, {len(self.theta_d)} slices)"
+
+
+def _shape(values: Any) -> tuple[int, ...]:
+    """Shape of an array of any library, or of what is none: empty for a scalar."""
+    return tuple(values.shape) if hasattr(values, "shape") else np.shape(values)
+
+
+def _checked(values: Any, name: str, **limits: Any) -> Any:
+    """NumPy arrays and sequences as a checked array; arrays of other libraries as they are."""
+    if isinstance(values, np.ndarray | list | tuple):
+        return np.ascontiguousarray(_check.finite(values, name, **limits))
+    return values

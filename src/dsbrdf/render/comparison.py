@@ -18,7 +18,7 @@ from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.model import DSBRDF
 from dsbrdf.render import picture, quality
 from dsbrdf.render.picture import Row, Tile
-from dsbrdf.render.scene import Reflectance, View, render
+from dsbrdf.render.scene import Reflectance, View, check_channels, render
 from dsbrdf.slices import N_SLICES
 
 __all__ = [
@@ -63,16 +63,18 @@ def open_subjects(target: str, *, loss: str, lobes: bool, compare: bool) -> tupl
     Raises
     ------
     ValueError
-        If it is none of these, or scattered samples.
+        If it is none of these, or scattered samples, or has other channels than one or three.
     OSError
         If the file cannot be read.
     """
     if Path(target).suffix.lower() == ".json":
         model = model_file.load(target)
+        check_channels(model, target)
         return model.name or Path(target).stem, model_subjects(model, lobes=lobes)
     measured = batch.open_target(target)
     if not isinstance(measured, MeasuredBRDF):
         raise ValueError(f"{target}: scattered samples cannot be rendered. Fit them, and render the model.")
+    check_channels(measured, target)
     return measured.name, table_subjects(measured, loss=loss, lobes=lobes, compare=compare)
 
 

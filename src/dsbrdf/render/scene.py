@@ -14,7 +14,7 @@ from dsbrdf.measured.brdf import SHAPE, MeasuredBRDF, tabulate
 from dsbrdf.model import DSBRDF
 from dsbrdf.render import lighting, variants
 
-__all__ = ["Reflectance", "View", "render", "world"]
+__all__ = ["Reflectance", "View", "check_channels", "render", "world"]
 
 Array = NDArray[np.float64]
 #: Paths end here: light that meets the object a third time is not followed.
@@ -63,6 +63,27 @@ class View:
                 raise FileNotFoundError(2, "No such file", str(path))
 
 
+def check_channels(reflectance: Reflectance, name: str = "") -> None:
+    """Refuse a model or a table that no renderer shows as a colour.
+
+    Raises
+    ------
+    ValueError
+        If it has another number of channels than one or three.
+    """
+    if not isinstance(reflectance, DSBRDF | MeasuredBRDF) or reflectance.n_channels in (1, 3):
+        return
+    kind, remedy = (
+        ("model", "kappa, gamma, beta and spike")
+        if isinstance(reflectance, DSBRDF)
+        else ("table", "planes and scale")
+    )
+    raise ValueError(
+        f"{reflectance.name or name or kind}: rendering needs one or three channels, the {kind} has "
+        f"{reflectance.n_channels}. Keep one of them, or three as red, green and blue: those of its arrays {remedy}."
+    )
+
+
 def render(reflectance: Reflectance, view: View | None = None, *, seed: int = 0) -> Array:
     """Picture of an object with a reflectance.
 
@@ -90,6 +111,7 @@ def render(reflectance: Reflectance, view: View | None = None, *, seed: int = 0)
         If the view names no file, or the reflectance has other channels.
     """
     view = view or View()
+    check_channels(reflectance)
     variants.choose()
     if not variants.missing_plugin():
         import dsbrdf.render
