@@ -163,6 +163,23 @@ def test_a_fit_of_a_table(space, truth):
     assert np.isfinite(fit.log_rms)
 
 
+def test_a_space_without_such_a_material():
+    """One warning where the space is too poor; none for a material as those in it."""
+    poor = build_space([smooth_model(i) for i in range(6)])
+    theta_h, theta_d, phi_d, values = noisy(smooth_model(3), 200, 0.02)
+    wi, wo = half_diff.to_directions(theta_h, theta_d, phi_d)
+    dsbrdf.fit(Samples("known", wi, wo, values), prior=poor)
+    colours = np.random.default_rng(2).uniform(0.5, 2.0, 3)
+    strange = np.outer(0.05 + 3.0 * np.sin(theta_h) ** 4, colours)
+    text = (
+        r"^strange: no material of the space is like it: its samples are missed by a factor of \d+\.\d "
+        r"\(sigma \d\.\d\d\)\. Build the space of more materials, .* \(now 6\), or leave out 'prior'\.$"
+    )
+    with pytest.warns(UserWarning, match=text) as told:
+        dsbrdf.fit(Samples("strange", wi, wo, strange), prior=poor)
+    assert len(told) == 1
+
+
 def test_the_same_every_time(space, truth):
     data = noisy(truth, 20, 0.05)
     first, second = (fit_scores(space, *data) for _ in range(2))

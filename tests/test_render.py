@@ -244,7 +244,9 @@ def test_only_one_or_three_channels(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(variants, "import_mitsuba", None)
     monkeypatch.chdir(tmp_path)
     model, table = lobes([1.0, 1.0], [5.0, 5.0], [0.0, 0.0]), built_in("matte")
-    model = model.replace(**{name: getattr(model, name)[:, :2] for name in ("kappa", "gamma", "beta")})
+    model = model.replace(
+        **{name: getattr(model, name)[:, :2] for name in ("kappa", "gamma", "beta", "spike")}
+    )
     table = dataclasses.replace(table, planes=table.planes[:2], scale=table.scale[:2])
     model.save(tmp_path / "two.json")
     write_npz(table, tmp_path / "table.npz")

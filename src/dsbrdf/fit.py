@@ -111,6 +111,9 @@ def fit(
     -----
     ConvergenceWarning
         If slices ran out of iterations.
+    UserWarning
+        If no material of `prior` is like the data: they are about the model with a standard deviation of the logarithm
+        of more than 0.5, a factor of 1.6.
     """
     if not isinstance(measured, MeasuredBRDF | Samples):
         raise TypeError(
