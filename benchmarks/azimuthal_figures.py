@@ -32,7 +32,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 
 from dsbrdf import metrics
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 from dsbrdf.reflectance import ggx
 
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#777777"

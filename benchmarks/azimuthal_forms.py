@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core, half_diff, metrics
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 from dsbrdf.measured.brdf import cell_angles
 from dsbrdf.measured.merl import read_merl
 from dsbrdf.measured.rgl import read_rgl

@@ -26,8 +26,8 @@ import dsbrdf
 from dsbrdf import DSBRDF, curves, metrics
 from dsbrdf.components import roughness
 from dsbrdf.curves import CurveBasis, Curves
-from dsbrdf.fit import fit_profiles
-from dsbrdf.fit_curves import fit_curves
+from dsbrdf.fit_measured import fit_profiles
+from dsbrdf.fit_splines import fit_curves
 from dsbrdf.slices import stack_profiles
 
 N_LOBES = 3

@@ -26,7 +26,7 @@ import numpy as np
 
 import dsbrdf
 from dsbrdf import materials
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 
 N_LOBES = 3
 ONE_FILE = """

@@ -13,7 +13,7 @@ import dsbrdf
 from dsbrdf import DSBRDF, ConvergenceWarning, CurveBasis, cli, fit_curves, load, metrics
 from dsbrdf._minimise import Minimum, minimise
 from dsbrdf.components import roughness
-from dsbrdf.fit_curves import ChannelProblem
+from dsbrdf.fit_splines import ChannelProblem
 from dsbrdf.measured.brdf import cell_angles
 from dsbrdf.slices import SliceProfile, gather_profile, stack_profiles
 
@@ -292,7 +292,7 @@ def test_a_table_of_another_convention_is_fitted_at_its_own_angles(make_table):
 
 def test_running_out_of_iterations_is_told(gold, monkeypatch):
     # The function of that name hides the module from attribute access
-    module = sys.modules["dsbrdf.fit_curves"]
+    module = sys.modules["dsbrdf.fit_splines"]
     monkeypatch.setattr(module, "minimise", lambda _, x: (x, Minimum(1.0, 300, False)))
     with pytest.warns(ConvergenceWarning, match=r"^the curves of channel 0, 1, 2 ran out of iterations"):
         dsbrdf.fit(gold, 1, curves=True)

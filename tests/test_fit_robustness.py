@@ -18,7 +18,7 @@ from tables import (
 )
 
 from dsbrdf import ConvergenceWarning, FitStatus, fit, materials, tabulate
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 from dsbrdf.slices import SliceProfile
 
 # Options

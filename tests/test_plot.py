@@ -83,12 +83,39 @@ def test_fit_figure_shows_the_fit(fit):
         np.testing.assert_allclose(y[[right, left]], expected[:, 1], rtol=1e-9)
         assert np.isnan(y[-1])
     lobes = [line(grid[2, 1], f"lobe {k}").get_ydata() for k in range(3)]
-    total = line(grid[2, 1], "sum of lobes").get_ydata()
+    total = line(grid[2, 1], "fitted").get_ydata()
     np.testing.assert_allclose(np.sum(lobes, axis=0), total)
     x, y = line(grid[2, 1], "measured").get_data()
     theta_h, values = plot.incident_plane(fit.measured, 8)
     np.testing.assert_array_equal(y, values[1, ::3])
     np.testing.assert_allclose(x, np.rad2deg(theta_h[::3]))
+
+
+def test_fitted_holds_the_delta_term(fit):
+    spike = np.full(fit.model.spike.shape, 40.0)
+    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=spike))
+    column = plot.fit_figure(spiked, theta_d=[0.0], channel=1).axes
+    x, y = line(column[2], "fitted").get_data()
+    expected = spiked.model.eval_angles(np.deg2rad(x[x >= 0.0]), fit.measured.theta_d[0], 0.0)[:, 1]
+    shown = np.isfinite(y[x >= 0.0])
+    np.testing.assert_allclose(y[x >= 0.0][shown], expected[shown], rtol=1e-9)
+    np.testing.assert_array_equal(line(column[0], "green, fitted").get_ydata(), y)
+    delta = line(column[2], "delta").get_ydata()
+    np.testing.assert_allclose(delta[np.abs(x) < 1e-9], 40.0)
+    np.testing.assert_allclose(delta[(np.abs(x) > 1.0) & np.isfinite(delta)], 0.0, atol=1e-9)
+    assert "delta" not in [line.get_label() for line in plot.fit_figure(fit, theta_d=[0.0]).axes[2].lines]
+
+
+def test_the_fitted_sphere_holds_the_delta_term(fit, monkeypatch):
+    """Not the lobes alone: with a spike at each normal, something is brighter than they are."""
+    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=np.full(fit.model.spike.shape, 1e6)))
+    radiances = []
+    monkeypatch.setattr(
+        sphere, "picture", lambda radiance, _: radiances.append(radiance) or radiance[..., :1]
+    )
+    plot.demo_figure([spiked], n_pixels=64)
+    np.testing.assert_array_equal(radiances[1], sphere.shade(spiked.model, 64))
+    assert (radiances[1] > sum(radiances[2:]) + 1.0).any()
 
 
 def test_fit_figure_names_errors_and_the_brightest_channel(fit):
@@ -143,6 +170,17 @@ def test_demo_figure_puts_further_lobes_together(fit, monkeypatch):
     dim = (fitted < 1.0).all(-1)
     linear = [picture[dim][:, :3] ** 2.2 for picture in (fitted, first, others)]
     np.testing.assert_allclose(linear[1] + linear[2], linear[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("most", "shown"), [(2, True), (1, False)])
+def test_small_maps_have_names(monkeypatch, most, shown):
+    from dsbrdf.space import plot as maps
+
+    monkeypatch.setattr(maps, "MOST_NAMES", most)
+    picture, at = np.ones((4, 4, 4)), np.eye(2)
+    figure = maps._map([picture, picture], at, np.array([0.7, 0.3]), "", ("jade", "gold"))
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == (["jade", "gold"] if shown else [])
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf"])

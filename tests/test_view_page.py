@@ -186,6 +186,24 @@ def test_theta_d_by_keyboard(show, models):
     assert page.evaluate("dsbrdf.state.thetaD") > 80.0
 
 
+def test_slice_veils_what_is_not_fitted(show, models, tmp_path):
+    alpha = "(id => { const c = document.getElementById(id); return [...c.getContext('2d')" \
+        ".getImageData(0, 0, c.width, c.height).data].filter((_, i) => i % 4 === 3); })"  # fmt: skip
+    page = show()
+    measured, fitted = (
+        np.array(page.evaluate(f"{alpha}('slice-{kind}')")) for kind in ("measured", "fitted")
+    )
+    assert 0.1 < (measured == 0).mean() < 0.9
+    np.testing.assert_array_equal(fitted == 255, measured == 255)
+    assert set(fitted) <= {76, 77, 255}
+    caption = "figure:has(#slice-fitted) figcaption"
+    assert page.locator(caption).inner_text() == "Fitted. Veiled: not fitted."
+    view([models[0].replace(profile=None)], tmp_path / "bare.html")
+    bare = show(file=tmp_path / "bare.html")
+    assert bare.locator(caption).inner_text() == "Model"
+    assert set(bare.evaluate(f"{alpha}('slice-fitted')")) == {255}
+
+
 def test_map_opens_compares_and_blends(show, models):
     page = show()
     chip(page, "polished-chrome").click()

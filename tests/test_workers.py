@@ -15,7 +15,7 @@ from test_batch import OPTIONS, files_in, run, table
 
 import dsbrdf
 from dsbrdf import _worker, batch
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 
 pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 

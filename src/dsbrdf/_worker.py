@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from dsbrdf.batch import WorkerDiedError, open_target
-from dsbrdf.fit import Fit, fit
+from dsbrdf.fit_measured import Fit, fit
 from dsbrdf.measured import MeasuredBRDF, Samples
 
 __all__ = ["Workers"]

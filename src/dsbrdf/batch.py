@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from dsbrdf import _files, materials
 from dsbrdf._batch_record import RECORD, TABLES, Book, figure_path, source_of
-from dsbrdf.fit import Fit, FitStatus, fit
+from dsbrdf.fit_measured import Fit, FitStatus, fit
 from dsbrdf.measured import MeasuredBRDF, Samples, read
 from dsbrdf.measured.nbrdf import npy_set
 from dsbrdf.model import DSBRDF

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsbrdf import materials
-from dsbrdf.fit import Fit, fit
+from dsbrdf.fit_measured import Fit, fit
 
 __all__ = ["OVERVIEW", "DemoRow", "run"]
 

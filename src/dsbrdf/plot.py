@@ -25,7 +25,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 if TYPE_CHECKING:
-    from dsbrdf.fit import Fit
+    from dsbrdf.fit_measured import Fit
     from dsbrdf.measured.brdf import MeasuredBRDF
     from dsbrdf.model import DSBRDF
 
@@ -73,8 +73,7 @@ CAPTION = (
     "exposure a row, gamma 2.2.\n"
     "Curves: squares measured, lines fitted; left half $\\phi_d$ = 90°, right half $\\phi_d$ = 0°; degrees, "
     "square-root scale; shaded: not fitted.\n"
-    "Floors: the least error of any function of ($\\theta_h$, $\\theta_d$), and of one "
-    "that falls with $\\theta_h$."
+    "Floors: the least error of any function of ($\\theta_h$, $\\theta_d$), and of one that falls with $\\theta_h$."
 )
 
 
@@ -132,16 +131,19 @@ class _Plane:
     values: Array
     curve_at: Array
     curves: Array
-    lobes: list[Array]
+    parts: dict[str, Array]
 
 
 def _plane(fit: Fit, row: int, n: int = 301) -> _Plane:
     theta_d = float(fit.table.theta_d[row])
     theta_h, values = incident_plane(fit.table, row)
     curve_at = np.pi / 2 * np.linspace(0.0, 1.0, n) ** 2
-    lobes = [_curve(fit.model.lobe(k), curve_at, theta_d) for k in range(fit.model.n_lobes)]
-    both = np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
-    return _Plane(theta_d, np.rad2deg(theta_h), values, both, np.sum(lobes, axis=0), lobes)
+    model, both = fit.model, np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
+    curves = _curve(model, curve_at, theta_d)
+    parts = {f"lobe {k}": _curve(model.lobe(k), curve_at, theta_d) for k in range(model.n_lobes)}
+    if np.asarray(model.spike).any():
+        parts["delta"] = np.maximum(curves - sum(parts.values()), 0.0)
+    return _Plane(theta_d, np.rad2deg(theta_h), values, both, curves, parts)
 
 
 def _curve(model: DSBRDF, theta_h: Array, theta_d: float) -> Array:
@@ -262,10 +264,10 @@ def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
 
 def _draw_lobes(axes: Any, plane: _Plane, channel: int) -> None:
     axes.plot(plane.theta_h[::3], plane.values[channel, ::3], "o", ms=2.8, color=GREY, label="measured")
-    axes.plot(plane.curve_at, plane.curves[channel], color="black", label="sum of lobes", zorder=3)
-    for k, lobe in enumerate(plane.lobes):
+    axes.plot(plane.curve_at, plane.curves[channel], color="black", label="fitted", zorder=3)
+    for k, (name, part) in enumerate(plane.parts.items()):
         colour, dash = LOBE_COLOURS[k % len(LOBE_COLOURS)], LOBE_DASHES[k % len(LOBE_DASHES)]
-        axes.plot(plane.curve_at, lobe[channel], color=colour, ls=dash, lw=2.0, label=f"lobe {k}", zorder=4)
+        axes.plot(plane.curve_at, part[channel], color=colour, ls=dash, lw=2.0, label=name, zorder=4)
 
 
 def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
@@ -355,9 +357,8 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
         grid = figure.add_gridspec(len(fits), len(widths), width_ratios=widths, **margins)
         for row, fit in enumerate(fits):
             _label(figure.add_subplot(grid[row, 0]), fit)
-            _draw_spheres(
-                [figure.add_subplot(grid[row, 1 + i]) for i in range(2 + len(lobes))], fit, n_pixels
-            )
+            spheres = [figure.add_subplot(grid[row, 1 + i]) for i in range(2 + len(lobes))]
+            _draw_spheres(spheres, fit, n_pixels)
             _draw_strip(figure.add_subplot(grid[row, -1]), fit, last=row == len(fits) - 1)
         for i, header in enumerate(["measured", "fitted", *lobes, "", STRIP_TITLE], start=1):
             box = grid[0, i].get_position(figure)
@@ -379,13 +380,12 @@ def _label(axes: Any, fit: Fit) -> None:
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     for axes in row:
         axes.axis("off")
-    measured = sphere.shade(fit.table, n_pixels)
+    measured, fitted = (sphere.shade(shown, n_pixels) for shown in (fit.table, fit.model))
     lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
     brightest = measured.max(-1)
     exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
-    others = [np.sum(lobes[SHOWN_LOBES:], axis=0)] if len(lobes) > SHOWN_LOBES else []
-    shown = lobes[:SHOWN_LOBES] + others
-    for axes, radiance in zip(row, [measured, np.sum(lobes, axis=0), *shown], strict=False):
+    shown = lobes[:SHOWN_LOBES] + ([np.sum(lobes[SHOWN_LOBES:], axis=0)] if lobes[SHOWN_LOBES:] else [])
+    for axes, radiance in zip(row, [measured, fitted, *shown], strict=False):
         axes.imshow(sphere.picture(radiance, exposure), interpolation="antialiased")
 
 

@@ -168,7 +168,7 @@ def fit(
 
 
 def _lobe_count(text: str) -> int | str:
-    from dsbrdf.fit import MAX_LOBES
+    from dsbrdf.fit_measured import MAX_LOBES
 
     if text == "auto":
         return text

@@ -95,9 +95,12 @@ def plot(
         raise ModuleNotFoundError(missing)
     check_folder(out)
     made = _load(path)
+    from dsbrdf import report
     from dsbrdf.space import plot as figures
 
-    for file in figures.write_all(made, out):
+    with report.progress(len(figures.FIGURES)) as step:
+        written = figures.write_all(made, out, step)
+    for file in written:
         typer.echo(file)
 
 

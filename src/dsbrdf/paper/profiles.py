@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsbrdf import hemi_epd
-from dsbrdf.fit import Fit
+from dsbrdf.fit_measured import Fit
 from dsbrdf.paper.tables import Tables, paper_fit
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dsbrdf.paper.tables import Tables, paper_fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dsbrdf.fit import Fit
+    from dsbrdf.fit_measured import Fit
     from dsbrdf.render.comparison import Subject
     from dsbrdf.render.picture import Row
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsbrdf import baselines, metrics
 from dsbrdf.baselines.interpolation import Interpolation
-from dsbrdf.fit import fit_profiles
+from dsbrdf.fit_measured import fit_profiles
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.paper.tables import Tables
 from dsbrdf.selection import select_lobes

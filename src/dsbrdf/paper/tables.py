@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dsbrdf import materials
-from dsbrdf.fit import ConvergenceWarning, Fit, fit
+from dsbrdf.fit_measured import ConvergenceWarning, Fit, fit
 from dsbrdf.measured import read_merl
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.slices import slice_profiles

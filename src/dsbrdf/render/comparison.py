@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsbrdf import baselines, batch, model_file
-from dsbrdf.fit import ConvergenceWarning, fit
+from dsbrdf.fit_measured import ConvergenceWarning, fit
 from dsbrdf.measured.brdf import MeasuredBRDF
 from dsbrdf.model import DSBRDF
 from dsbrdf.render import picture, quality

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf.fit import ConvergenceWarning, fit
+from dsbrdf.fit_measured import ConvergenceWarning, fit
 from dsbrdf.measured import read
 from dsbrdf.measured.brdf import CONVENTIONS, MeasuredBRDF, cell_angles, tabulate
 from dsbrdf.measured.lookup import evaluate, fill_invalid

@@ -5,7 +5,7 @@ Needs the extra `[plot]`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ N_PIXELS = 72
 #: Principal functions that are shown, and how far along them, in standard deviations.
 SHOWN, STEPS = 4, (-2.0, -1.0, 0.0, 1.0, 2.0)
 BLEND_STEPS = 7
+#: Materials up to which a map has their names.
+MOST_NAMES = 25
 N_DRAWS = 20
 #: Shares of the variance whose number of components the paper tells.
 SHARES = (0.9, 0.95, 0.99)
@@ -48,7 +50,9 @@ CAPTION = (
 )
 
 
-def write_all(space: MaterialSpace, out: str | Path) -> list[Path]:
+def write_all(
+    space: MaterialSpace, out: str | Path, progress: Callable[[str], None] = lambda _: None
+) -> list[Path]:
     """Write all figures as .png.
 
     Parameters
@@ -56,6 +60,8 @@ def write_all(space: MaterialSpace, out: str | Path) -> list[Path]:
     space : MaterialSpace
     out : path
         A folder; made if it does not exist.
+    progress : callable, optional
+        Called with the name of each figure before it is drawn.
 
     Returns
     -------
@@ -66,16 +72,9 @@ def write_all(space: MaterialSpace, out: str | Path) -> list[Path]:
     OSError
         If a file cannot be written.
     """
-    figures = {
-        "materials": material_map,
-        "lobes": lobe_map,
-        "variance": scree_figure,
-        "functions": principal_figure,
-        "blends": blend_figure,
-        "draws": draws_figure,
-    }
     written = []
-    for name, make in figures.items():
+    for name, make in FIGURES.items():
+        progress(name)
         written.append(Path(out) / f"space-{name}.png")
         plot.write_figure(make(space), written[-1])
     return written
@@ -85,7 +84,9 @@ def material_map(space: MaterialSpace) -> Figure:
     """Each material as a sphere at its first two scores, as in Fig. 10."""
     models = [space.decode(curves, conserve=False) for curves in space.curves]
     title = f"{len(models)} materials on the first two principal functions"
-    return _map([_picture(model) for model in models], space.fpca.scores, space.fpca.explained, title)
+    return _map(
+        [_picture(model) for model in models], space.fpca.scores, space.fpca.explained, title, space.names
+    )
 
 
 def lobe_map(space: MaterialSpace) -> Figure:
@@ -99,7 +100,9 @@ def lobe_map(space: MaterialSpace) -> Figure:
     return _map(pictures, fpca.scores, fpca.explained, title)
 
 
-def _map(pictures: Sequence[Array], scores: Array, explained: Array, title: str) -> Figure:
+def _map(
+    pictures: Sequence[Array], scores: Array, explained: Array, title: str, names: Sequence[str] = ()
+) -> Figure:
     size = 0.42 if len(pictures) <= 120 else 0.3
     at = scores[:, :2] if scores.shape[1] > 1 else np.pad(scores, ((0, 0), (0, 1)))
     at = np.clip(at, *np.quantile(at, RIM, axis=0))
@@ -114,6 +117,10 @@ def _map(pictures: Sequence[Array], scores: Array, explained: Array, title: str)
         for i in order:
             image = OffsetImage(pictures[i], zoom=size * 72.0 / N_PIXELS, resample=True)
             axes.add_artist(AnnotationBbox(image, at[i], frameon=False, pad=0.0))
+        for name, place in zip(names, at, strict=False) if len(names) <= MOST_NAMES else ():
+            # Below the sphere, which is `size` inches high
+            axes.annotate(name, place, (0.0, -36.0 * size - 2.0), textcoords="offset points", ha="center",
+                          va="top", fontsize=6.5, zorder=5)  # fmt: skip
         axes.grid(True)
         axes.set_axisbelow(True)
         axes.set_title(title)
@@ -267,3 +274,14 @@ def _caption(figure: Figure, text: str) -> None:
     figure.text(
         0.5, 0.09 / figure.get_figheight(), text, ha="center", va="bottom", fontsize=8.0, color=plot.GREY
     )
+
+
+#: What `write_all` writes, by name.
+FIGURES: dict[str, Callable[[MaterialSpace], Figure]] = {
+    "materials": material_map,
+    "lobes": lobe_map,
+    "variance": scree_figure,
+    "functions": principal_figure,
+    "blends": blend_figure,
+    "draws": draws_figure,
+}

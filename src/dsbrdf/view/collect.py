@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dsbrdf import batch, model_file
-from dsbrdf.fit import fit
+from dsbrdf.fit_measured import fit
 from dsbrdf.model import DSBRDF
 from dsbrdf.view.page import view
 

@@ -8,6 +8,8 @@ const SIZE = 90;
 const RIGHT = Math.PI / 2;
 /** Relative difference at which the scale of colours ends. */
 const FULL_DIFFERENCE = 0.2;
+/** Opacity of what is not fitted; the background of the panel shows through. */
+const VEILED = 0.3;
 const BLUE = [33, 102, 172];
 const RED = [178, 24, 43];
 
@@ -95,9 +97,10 @@ function drawSlices() {
   for (let row = 0; row < SIZE; row++) {
     for (let column = 0; column < SIZE; column++) {
       const [thetaH, thetaD] = [columnAngle(column), rowAngle(row)];
-      const put = (kind, colour) => images[kind].data.set([...colour, 255], 4 * (row * SIZE + column));
-      put("fitted", displayColour(evaluate(model, thetaH, thetaD)));
+      const put = (kind, colour, opacity = 1) =>
+        images[kind].data.set([...colour, 255 * opacity], 4 * (row * SIZE + column));
       const measured = profile && measuredAt(profile, thetaH, thetaD);
+      put("fitted", displayColour(evaluate(model, thetaH, thetaD)), profile && !measured ? VEILED : 1);
       if (!measured) continue;
       put("measured", displayColour(measured.values));
       const { cell } = measured;
@@ -112,6 +115,8 @@ function drawSlices() {
     canvas.getContext("2d").putImageData(images[kind], 0, 0);
     canvas.closest("figure").hidden = kind !== "fitted" && !profile;
   }
+  const caption = figures.fitted.closest("figure").querySelector("figcaption");
+  caption.textContent = profile ? "Fitted. Veiled: not fitted." : "Model";
 }
 
 function showCell(kind, event) {
@@ -121,6 +126,6 @@ function showCell(kind, event) {
   const format = (values) => [...values].map((value) => formatNumber(value)).join(", ");
   const parts = [`θ_h ${formatNumber(degrees(thetaH))}°, θ_d ${formatNumber(degrees(thetaD))}°`];
   if (measured) parts.push(`measured ${format(measured.values)}`);
-  parts.push(`fitted ${format(evaluate(currentModel(), thetaH, thetaD))} /sr`);
+  parts.push(`${profile ? "fitted" : "model"} ${format(evaluate(currentModel(), thetaH, thetaD))} /sr`);
   readout.replaceChildren(...withSubscripts(parts.join(" · ")));
 }

@@ -152,7 +152,7 @@ def fit(
     report_trouble(result.slices, strict)
     if curves is False:
         return result
-    from dsbrdf.fit_curves import refit
+    from dsbrdf.fit_splines import refit
 
     return refit(result, None if curves is True else curves, strict=strict)
 
