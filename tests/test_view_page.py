@@ -15,6 +15,12 @@ from dsbrdf.view import view
 pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 
 NAMES = ("rough-gold", "glossy-plastic", "polished-chrome")
+#: How many values of the simpler sphere are not of its background.
+BRIGHT_VALUES = """(() => {
+    const { width, height } = document.getElementById("sphere-2d");
+    const context = document.getElementById("sphere-2d").getContext("2d");
+    return [...context.getImageData(0, 0, width, height).data].filter((value) => value > 60).length;
+})()"""
 READY = "window.dsbrdf && document.querySelector('#albedo-plot svg')"
 
 
@@ -43,13 +49,15 @@ def show(browser, path):
     """
     contexts = []
 
-    def call(fragment="", webgl=False, file=path, **options):
+    def call(fragment="", webgl=False, file=path, before=None, **options):
         context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | options))
         contexts.append(context)
         page = context.new_page()
         page.errors = watched(page)
         if not webgl:
             page.add_init_script(NO_WEBGL)
+        if before is not None:
+            page.add_init_script(before)
         page.goto(file.as_uri() + fragment)
         page.wait_for_function(READY)
         if webgl:
@@ -86,10 +94,19 @@ def test_opens_from_disk_at_once(show):
     assert [name for name in resources if not name.startswith(("data:", "blob:"))] == []
     painted = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
     assert painted < 1500.0
+    page.wait_for_function("document.getElementById('sphere-2d').hidden")
     assert min(page.evaluate("dsbrdf.sphere.meanPixel()")) > 0.01
     assert page.title() == "rough-gold · dsbrdf"
     assert page.locator("#facts").inner_text().startswith("2 lobes · 18 slices · 3 channels · relative RMS")
     assert faults(page) == []
+
+
+def test_a_simpler_sphere_is_seen_until_the_first_samples(show):
+    # The sphere never gets to draw
+    held = "(frame) => (String(frame).includes('#step') ? 0 : draw(frame))"
+    page = show(before=f"const draw = requestAnimationFrame; requestAnimationFrame = {held};", webgl=True)
+    assert page.locator("#sphere-2d").is_visible()
+    assert page.evaluate(BRIGHT_VALUES) > 1000
 
 
 def test_values_are_those_of_python(show, models, rng):
@@ -330,10 +347,7 @@ def test_without_webgl(show):
     message = page.locator("#sphere-message").inner_text()
     assert "WebGL2" in message
     assert "The plots work without it" in message
-    drawn = (
-        "c => [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data].filter(v => v > 60).length"
-    )
-    assert page.evaluate(f"({drawn})(document.getElementById('sphere-2d'))") > 1000
+    assert page.evaluate(BRIGHT_VALUES) > 1000
     assert page.locator("#curves-plot .fitted").count() == 3
     assert not page.locator("#compare").is_visible()
     assert faults(page) == []

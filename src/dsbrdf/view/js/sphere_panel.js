@@ -19,6 +19,8 @@ const exposureSlider = document.getElementById("exposure");
 
 let sphere = null;
 let shown = {};
+/** Until the first samples are there, the simpler sphere is seen. */
+let isWaiting = true;
 
 export function startSphere(shaders) {
   fillChoices();
@@ -29,6 +31,7 @@ export function startSphere(shaders) {
   environmentSelect.addEventListener("change", () => setState({ environment: environmentSelect.value }));
   document.getElementById("own-image").addEventListener("change", (event) => useImage(event.target.files[0]));
   startDrop();
+  canvas2d.hidden = false;
   subscribe(updateSphere);
   onResize(canvas, () => sphere.resize());
   sphere.resize();
@@ -80,7 +83,7 @@ function updateSphere(changed) {
   if (changed.has("lighting")) sphere.setLighting(state.lighting);
   if (changed.has("exposure")) sphere.setExposure(state.exposure);
   showSphereControls(right);
-  if (panel.classList.contains("without-webgl")) drawChip(canvas2d, currentModel(), 256);
+  if (isWaiting || panel.classList.contains("without-webgl")) drawChip(canvas2d, currentModel(), 256);
 }
 
 function useEnvironment() {
@@ -111,6 +114,10 @@ function showSphereControls(right) {
 }
 
 function showProgress({ nSamples, maxSamples }) {
+  if (isWaiting && nSamples > 0) {
+    isWaiting = false;
+    canvas2d.hidden = true;
+  }
   document.getElementById("progress").textContent = `${nSamples} of ${maxSamples} samples`;
 }
 
