@@ -186,8 +186,11 @@ def test_truncated_model_files(tmp_path):
             "not a sound model: ",
         ),
         ({"profile": [1]}, "not a sound model: "),
-        ({"kappa": [[[float("nan")]]]}, "'kappa' must be > 0 and finite, got nan"),
-        ({"gamma": [[[float("inf")]]]}, "'gamma' must be >= 0 and finite, got inf"),
+        ({"theta_d": [0.1], "kappa": [[[float("nan")]]]}, "'kappa' must be > 0 and finite, got nan"),
+        (
+            {"theta_d": [0.1], "kappa": [[[1.0]]], "gamma": [[[float("inf")]]]},
+            "'gamma' must be >= 0 and finite, got inf",
+        ),
     ],
 )
 def test_wrong_types_in_a_model_are_refused(tmp_path, change, message):

@@ -355,7 +355,11 @@ SHAPE = "must have shape (theta_d, channel, lobe) like 'kappa' with 4 theta_d, g
         ("kappa", np.ones((3, 3, 2)).tolist(), f"'kappa' {SHAPE} (3, 3, 2)."),
         ("kappa", 1.0, f"'kappa' {SHAPE} ("),
         ("kappa", [], f"'kappa' {SHAPE} (0,)."),
-        ("kappa", None, "'kappa' must be > 0 and finite, got nan."),
+        (
+            "kappa",
+            None,
+            "'kappa' must have shape (theta_d, channel, lobe) like 'kappa' with 4 theta_d, got ().",
+        ),
         ("kappa", [[[1.0], [1.0, 2.0]]], ""),
         ("kappa", {}, ""),
         ("kappa", np.zeros((4, 3, 2)).tolist(), "'kappa' must be > 0 and finite, got 0 at index (0, 0, 0)."),
@@ -368,7 +372,7 @@ SHAPE = "must have shape (theta_d, channel, lobe) like 'kappa' with 4 theta_d, g
         ),
         ("spike", [[0.0] * 3] * 3, "'spike' must have shape (theta_d, channel) (4, 3), got (3, 3)."),
         ("spike", [[-1.0] * 3] * 4, "'spike' must be >= 0 and finite, got -1 at index (0, 0)."),
-        ("spike", None, "'spike' must be >= 0 and finite, got nan."),
+        ("spike", None, "'spike' must have shape (theta_d, channel) (4, 3), got ()."),
         ("beta", np.ones((4, 3)).tolist(), f"'beta' {SHAPE} (4, 3)."),
         (
             "beta",
