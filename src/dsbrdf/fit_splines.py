@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import half_diff, metrics
+from dsbrdf import _core, half_diff, metrics
 from dsbrdf._minimise import Minimum, minimise
 from dsbrdf.curves import LN_GAMMA, LN_KAPPA, CurveBasis, Curves
 from dsbrdf.fit_slices import ConvergenceWarning, brightest
@@ -31,8 +31,6 @@ __all__ = ["ChannelProblem", "fit_curves"]
 
 #: As many coefficients as the paper's, with more of them near grazing (decision record 0010).
 BASIS = CurveBasis(variable="cosine")
-#: A lobe is at most this many times as high as the brightest mean, as in the fit of slices.
-MAX_HEIGHT = 100.0
 #: Where samples near the pole tell, at most this many times as high as they are: a coefficient acts on many slices.
 ROOM = 1.5
 
@@ -201,7 +199,7 @@ class ChannelProblem:
         self.floor = float((np.maximum(var_f - along**2, 0.0) * unit**2).sum())
         self.energy = float((ff * unit**2).sum())
         peak = max(float(mean.max()), np.finfo(float).tiny)
-        height = np.full(len(mean), MAX_HEIGHT * peak)
+        height = np.full(len(mean), _core.MAX_HEIGHT * peak)
         if max_height is not None:
             height = np.where(max_height > 0.0, ROOM * max_height, height)
         self.ln_kappa_high = np.minimum(_greatest(np.log(np.log1p(height)), design), LN_KAPPA[1])

@@ -18,7 +18,7 @@ from dsbrdf.measured.brdf import Source
 from dsbrdf.model import DSBRDF
 from dsbrdf.slices import MeasuredProfile
 
-__all__ = ["SCHEMA", "ModelFormatError", "load", "save"]
+__all__ = ["SCHEMA", "ModelFormatError", "load", "models_in", "save"]
 
 #: Version of the layout; every later version of the package reads it.
 SCHEMA = 2
@@ -119,6 +119,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} does not fit into JSON")
+
+
+def models_in(folder: Path) -> list[Path]:
+    """The model files of a folder, by name, without records of batches, whose names begin with a point."""
+    return sorted(folder.glob("[!.]*.json"))
 
 
 def load(path: str | Path) -> DSBRDF:

@@ -86,10 +86,9 @@ def _tell(done: Conversion) -> None:
 
 def _inside(folder: Path) -> list[Path]:
     """The measured files of a folder, or else its model files."""
-    from dsbrdf import batch
+    from dsbrdf import batch, model_file
 
-    # Records of batches have a name that begins with a point
-    models = sorted(folder.glob("[!.]*.json"))
+    models = model_file.models_in(folder)
     measured, failures = batch.expand([folder])
     if failures and not models:
         raise ValueError(f"{folder}: no measured file and no model file (.json) in this folder.")

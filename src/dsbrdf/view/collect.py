@@ -32,8 +32,7 @@ def expand(targets: Sequence[str | Path]) -> list[str]:
         if not path.is_dir():
             expanded.append(str(target))
             continue
-        # Records of batches have a name that begins with a point
-        inside = sorted(str(entry) for entry in path.glob("*.json") if not entry.name.startswith("."))
+        inside = list(map(str, model_file.models_in(path)))
         if not inside:
             try:
                 inside, _ = batch.expand([path], strict=True)
