@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
+from dsbrdf.export.rgl import LUMINANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +31,6 @@ TONE_MAPPING = (
 )
 #: CIEDE2000 at the bright end of the maps.
 TOP_DIFFERENCE = 10.0
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BACKGROUND = 1.0
 
 
