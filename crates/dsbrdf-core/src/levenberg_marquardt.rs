@@ -1,11 +1,15 @@
-//! Levenberg-Marquardt with Nielsen's damping, on normal equations of a few unknowns.
+//! Levenberg-Marquardt with Nielsen's damping, on normal equations.
 
-/// A sum of squares of a few unknowns.
+use crate::arrow::Arrow;
+
+/// A sum of squares.
 pub trait LeastSquares {
     /// Half the sum of squares at `x`.
     fn cost(&mut self, x: &[f64]) -> f64;
-    /// Gradient and (row-major, full) Gauss-Newton Hessian at the last `x` that `cost` was asked for.
-    fn linearise(&mut self, hessian: &mut [f64], gradient: &mut [f64]);
+    /// The unknowns as blocks, zero in all entries.
+    fn equations(&self) -> Arrow;
+    /// Gradient and Gauss-Newton Hessian at the last `x` that `cost` was asked for; `equations` come in with zeros.
+    fn linearise(&mut self, equations: &mut Arrow);
     /// Least and greatest value of unknown `i`.
     fn limits(&self, i: usize) -> (f64, f64);
 }
@@ -46,9 +50,7 @@ const MAX_REJECTED: usize = 40;
 /// Minimises `problem` from `x`, which becomes the minimum; the cost never rises.
 pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> Minimum {
     let p = x.len();
-    let mut hessian = vec![0.0; p * p];
-    let mut gradient = vec![0.0; p];
-    let mut factor = vec![0.0; p * p];
+    let mut equations = problem.equations();
     let mut step = vec![0.0; p];
     let mut trial = vec![0.0; p];
 
@@ -58,7 +60,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
         *x = x.clamp(low, high);
     }
     let mut cost = problem.cost(x);
-    problem.linearise(&mut hessian, &mut gradient);
+    problem.linearise(&mut equations);
     let (mut damping, mut growth) = (1e-3, 2.0);
     let mut rejected = 0;
     let mut milestone = cost;
@@ -67,10 +69,11 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             return Minimum { cost, iterations: iteration, converged: true };
         }
         // Unknowns that would leave the allowed range stay where they are, so that the others move freely
+        let gradient = &equations.gradient;
         for (i, &(low, high)) in limits.iter().enumerate() {
             held[i] = (x[i] <= low && gradient[i] > 0.0) || (x[i] >= high && gradient[i] < 0.0);
         }
-        if !solve_damped(&hessian, &gradient, &held, damping, &mut factor, &mut step) {
+        if !solve_damped(&equations, &held, damping, &mut step) {
             damping *= growth;
             growth *= 2.0;
             rejected += 1;
@@ -86,7 +89,7 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
 
         // Decrease of the quadratic model: (step . gradient + damping |step|_D^2) / 2
         let predicted: f64 = (0..p)
-            .map(|i| 0.5 * step[i] * (gradient[i] + damping * scale(hessian[i * p + i]) * step[i]))
+            .map(|i| 0.5 * step[i] * (gradient[i] + damping * scale(equations.diagonal_entry(i)) * step[i]))
             .sum();
         let new_cost = problem.cost(&trial);
         let actual = cost - new_cost;
@@ -104,7 +107,8 @@ pub fn minimise(problem: &mut impl LeastSquares, x: &mut [f64], stop: Stop) -> M
             if tiny || slow {
                 return Minimum { cost, iterations: iteration + 1, converged: true };
             }
-            problem.linearise(&mut hessian, &mut gradient);
+            equations.clear();
+            problem.linearise(&mut equations);
             let ratio = actual / predicted;
             damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(0.1, 2.0);
             growth = 2.0;
@@ -127,46 +131,13 @@ fn scale(diagonal: f64) -> f64 {
     diagonal.max(1e-30)
 }
 
-/// Solves `(H + damping D) step = gradient` by Cholesky, with no step of `held` unknowns; false if not positive
-/// definite.
-fn solve_damped(
-    hessian: &[f64],
-    gradient: &[f64],
-    held: &[bool],
-    damping: f64,
-    l: &mut [f64],
-    step: &mut [f64],
-) -> bool {
-    let p = gradient.len();
-    for i in 0..p {
-        for j in 0..=i {
-            let free = !held[i] && !held[j];
-            let mut sum = if free { hessian[i * p + j] } else { f64::from(i == j) };
-            if i == j {
-                sum += damping * scale(sum);
-            }
-            for k in 0..j {
-                sum -= l[i * p + k] * l[j * p + k];
-            }
-            if i == j {
-                if sum.is_nan() || sum <= 0.0 {
-                    return false;
-                }
-                l[i * p + i] = sum.sqrt();
-            } else {
-                l[i * p + j] = sum / l[j * p + j];
-            }
-        }
+/// Solves `(H + damping D) step = gradient`, with no step of `held` unknowns; false if not positive definite.
+fn solve_damped(equations: &Arrow, held: &[bool], damping: f64, step: &mut [f64]) -> bool {
+    let Some(factor) = equations.factor(damping, held) else { return false };
+    for ((step, gradient), held) in step.iter_mut().zip(&equations.gradient).zip(held) {
+        *step = if *held { 0.0 } else { *gradient };
     }
-    for i in 0..p {
-        let sum: f64 = (0..i).map(|k| l[i * p + k] * step[k]).sum();
-        let gradient = if held[i] { 0.0 } else { gradient[i] };
-        step[i] = (gradient - sum) / l[i * p + i];
-    }
-    for i in (0..p).rev() {
-        let sum: f64 = (i + 1..p).map(|k| l[k * p + i] * step[k]).sum();
-        step[i] = (step[i] - sum) / l[i * p + i];
-    }
+    factor.solve(step);
     step.iter().all(|s| s.is_finite())
 }
 
@@ -191,13 +162,16 @@ mod tests {
             self.at = [x[0], x[1]];
             self.residual().iter().map(|r| 0.5 * r * r).sum()
         }
-        fn linearise(&mut self, h: &mut [f64], g: &mut [f64]) {
+        fn equations(&self) -> Arrow {
+            Arrow::new(2, 0, 0)
+        }
+        fn linearise(&mut self, equations: &mut Arrow) {
             let r = self.residual();
             let j = [[-20.0 * self.at[0], 10.0], [-1.0, 0.0]];
             for a in 0..2 {
-                g[a] = j[0][a] * r[0] + j[1][a] * r[1];
-                for b in 0..2 {
-                    h[a * 2 + b] = j[0][a] * j[0][b] + j[1][a] * j[1][b];
+                equations.gradient[a] = j[0][a] * r[0] + j[1][a] * r[1];
+                for b in 0..=a {
+                    *equations.entry(a, b) = j[0][a] * j[0][b] + j[1][a] * j[1][b];
                 }
             }
         }

@@ -1,7 +1,9 @@
 //! Collapse of measured BRDF tables, and the fit of mixtures of hemi-EPD lobes to their slices.
 #![allow(clippy::needless_range_loop)]
 
+pub mod arrow;
 pub mod assignment;
+pub mod basis;
 pub mod em;
 pub mod eval;
 pub mod exp;

@@ -1,5 +1,6 @@
 //! The sum of lobes of one slice as a least-squares problem in `ln kappa`, `ln gamma` and `asin beta`.
 
+use crate::arrow::Arrow;
 use crate::levenberg_marquardt::{LeastSquares, Minimum, Stop, minimise};
 use crate::lobe::{Lobe, values_and_slopes};
 use crate::slice::{LANES, Loss, Slice};
@@ -145,7 +146,11 @@ impl LeastSquares for Mixture<'_> {
         0.5 * dot(&self.residual, &self.residual)
     }
 
-    fn linearise(&mut self, hessian: &mut [f64], gradient: &mut [f64]) {
+    fn equations(&self) -> Arrow {
+        Arrow::new(self.lobes.len() * parameters(self.azimuthal), 0, 0)
+    }
+
+    fn linearise(&mut self, equations: &mut Arrow) {
         let n = self.slice.ln_cos.len();
         let rows = self.residual.len();
         let width = parameters(self.azimuthal) * rows;
@@ -161,7 +166,7 @@ impl LeastSquares for Mixture<'_> {
                 &mut self.jacobian[k * width..(k + 1) * width],
             );
         }
-        normal_equations(&self.jacobian, &self.residual, hessian, gradient);
+        normal_equations(&self.jacobian, &self.residual, equations);
     }
 
     fn limits(&self, i: usize) -> (f64, f64) {
@@ -225,15 +230,13 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
 
 /// `J^T J` and `J^T r` of a Jacobian stored column after column.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn normal_equations(jacobian: &[f64], residual: &[f64], hessian: &mut [f64], gradient: &mut [f64]) {
-    let p = gradient.len();
+fn normal_equations(jacobian: &[f64], residual: &[f64], equations: &mut Arrow) {
+    let p = equations.size();
     let column = |i: usize| &jacobian[i * residual.len()..(i + 1) * residual.len()];
     for i in 0..p {
-        gradient[i] = dot(column(i), residual);
+        equations.gradient[i] = dot(column(i), residual);
         for j in 0..=i {
-            let entry = dot(column(i), column(j));
-            hessian[i * p + j] = entry;
-            hessian[j * p + i] = entry;
+            *equations.entry(i, j) = dot(column(i), column(j));
         }
     }
 }
@@ -273,8 +276,9 @@ mod tests {
                 let residual = problem.residual.clone();
                 assert!((2.0 * cost / dot(&residual, &residual) - 1.0).abs() < 1e-14);
 
-                let (mut hessian, mut gradient) = (vec![0.0; p * p], vec![0.0; p]);
-                problem.linearise(&mut hessian, &mut gradient);
+                let mut equations = problem.equations();
+                problem.linearise(&mut equations);
+                let (hessian, gradient) = (equations.dense(), &equations.gradient);
                 let size = |x: &[f64]| dot(x, x).sqrt();
                 for i in 0..p {
                     let got = &problem.jacobian[i * residual.len()..(i + 1) * residual.len()];
