@@ -1,6 +1,7 @@
 //! Python binding of `dsbrdf-core`: registrations only.
 
 mod arrays;
+mod estimation;
 mod evaluation;
 mod fitting;
 mod pool;
@@ -17,6 +18,8 @@ mod _core {
     const MAX_LN_GAMMA: f64 = dsbrdf_core::mixture::MAX_LN_GAMMA;
     #[pymodule_export]
     const MAX_ASIN_BETA: f64 = dsbrdf_core::mixture::MAX_ASIN_BETA;
+    #[pymodule_export]
+    use crate::estimation::Observations;
     #[pymodule_export]
     use crate::evaluation::{eval, first_not_unit};
     #[pymodule_export]

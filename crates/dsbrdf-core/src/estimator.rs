@@ -1,0 +1,712 @@
+//! The one least-squares problem: lobes with curves over cos(theta_d), shapes shared by the channels, to observations.
+//!
+//! The cost is `n / (2 s^2)` times the weighted mean of squared residuals, plus half the penalty: the negative logarithm
+//! of the posterior for `n` independent observations of standard deviation s.
+
+use rayon::prelude::*;
+
+use crate::arrow::Arrow;
+use crate::basis::WIDTH;
+use crate::exp::{exp, expm1};
+use crate::levenberg_marquardt::LeastSquares;
+use crate::observations::Observations;
+use crate::shape::{BETA, COLOUR, CURVES, GAMMA, Kind, SCALE, Shape};
+
+/// Least and greatest `ln kappa`: absent, and the most that `expm1` holds.
+pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
+/// Least and greatest `ln gamma`: flat, and a mirror.
+pub const LN_GAMMA: (f64, f64) = (-6.0, 14.0);
+/// Greatest `ln kappa` of a colour, either way.
+pub const MAX_COLOUR: f64 = 20.0;
+/// Greatest unknown of beta, which is its tanh, either way.
+pub const MAX_ATANH_BETA: f64 = 3.0;
+/// Positions of a bin lie within this much of x: there the Hessian takes the mean of the curves' functions.
+const BIN_WIDTH: f64 = 1.0 / 96.0;
+/// Differences of logarithms above this count linearly in the gamma deviance.
+const MAX_LOG_RATIO: f64 = 3.0;
+
+/// What is compared of a value and its model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loss {
+    /// `asinh(f / 2 o)`: a logarithm, linear below the offset o.
+    Log,
+    /// The deviance of the gamma distribution, of the same logarithm: its minimum has no bias from noise.
+    Gamma,
+    /// The value itself.
+    L2,
+}
+
+impl Loss {
+    /// The scale on which values are compared.
+    #[inline(always)]
+    fn transformed(self, value: f64, offset: f64) -> f64 {
+        match self {
+            Loss::L2 => value / offset,
+            _ => (value / (2.0 * offset)).asinh(),
+        }
+    }
+
+    /// Residual of a model value against a transformed observation, and its derivative.
+    #[inline(always)]
+    fn residual(self, model: f64, target: f64, offset: f64) -> (f64, f64) {
+        if self == Loss::L2 {
+            return (model / offset - target, 1.0 / offset);
+        }
+        // Model values are not negative: the logarithm is asinh without cancellation
+        let half = 0.5 * model / offset;
+        let root = half.mul_add(half, 1.0).sqrt();
+        let u = (half + root).ln() - target;
+        let slope = 0.5 / (offset * root);
+        match self {
+            Loss::Gamma => {
+                let (deviance, by_u) = gamma_deviance(-u);
+                (-deviance, by_u * slope)
+            }
+            _ => (u, slope),
+        }
+    }
+}
+
+/// Signed root of `2 (exp(u) - 1 - u)`, and its derivative; a line beyond [`MAX_LOG_RATIO`].
+fn gamma_deviance(u: f64) -> (f64, f64) {
+    let v = u.min(MAX_LOG_RATIO);
+    if v.abs() < 1e-3 {
+        return (v * (1.0 + v * (1.0 / 6.0 + v / 36.0)), 1.0 + v / 3.0 + v * v / 12.0);
+    }
+    let root = (2.0 * (v.exp_m1() - v)).sqrt().copysign(v);
+    let slope = v.exp_m1() / root;
+    (root + (u - v) * slope, slope)
+}
+
+/// How strongly curves are held; each weight is the inverse square of what is usual.
+#[derive(Clone, Copy, Debug)]
+pub struct Penalty {
+    /// Of second differences of neighbouring coefficients.
+    pub bend: f64,
+    /// Of first differences.
+    pub slope: f64,
+    /// Of colours themselves, and of atanh(beta).
+    pub size: f64,
+}
+
+/// A Gaussian prior of all unknowns: mean, and the inverse of the covariance (unknown, unknown).
+pub struct Prior {
+    pub mean: Vec<f64>,
+    pub precision: Vec<f64>,
+}
+
+/// Observations of about the same x, and what the model is at them.
+struct Bin {
+    start: usize,
+    n: usize,
+    /// First function of each curve that is alive here, its values (function, position), and their means.
+    first: [usize; CURVES],
+    functions: [Vec<f64>; CURVES],
+    mean: [[f64; WIDTH]; CURVES],
+    /// (lobe, position): gamma times the logarithm of the cosine or sine; beta.
+    exponent: Vec<f64>,
+    beta: Vec<f64>,
+    /// (lobe, channel, position): value, and derivative by `ln kappa`.
+    value: Vec<f64>,
+    slope: Vec<f64>,
+    /// (node, channel, position): residual, and derivative by the model's value, both with the root of the weight.
+    residual: Vec<f64>,
+    weight: Vec<f64>,
+    /// (column, position) of one node and channel; a column for each lobe's ln kappa, ln gamma and beta.
+    columns: Vec<f64>,
+    /// (channel, column, column), lower triangles, and gradients (channel, column, function), of two bases each.
+    squares: Vec<f64>,
+    gradient: Vec<f64>,
+    colour_gradient: Vec<f64>,
+}
+
+/// The least-squares problem.
+pub struct Problem<'a> {
+    pub shape: Shape,
+    observations: &'a Observations,
+    loss: Loss,
+    offset: Vec<f64>,
+    /// (node, channel, position).
+    target: Vec<f64>,
+    root_weight: Vec<f64>,
+    penalty: Penalty,
+    prior: Option<&'a Prior>,
+    /// `n / s^2` of the cost.
+    pub precision: f64,
+    bins: Vec<Bin>,
+    x: Vec<f64>,
+    /// `x`, with beta for its unknown.
+    coefficients: Vec<f64>,
+    /// Weighted mean of squared residuals, and the penalty, at `x`.
+    pub squares: f64,
+    pub penalties: f64,
+}
+
+impl<'a> Problem<'a> {
+    #[must_use]
+    pub fn new(
+        observations: &'a Observations,
+        shape: Shape,
+        loss: Loss,
+        offset: &[f64],
+        penalty: Penalty,
+        prior: Option<&'a Prior>,
+    ) -> Self {
+        let n = observations.len();
+        let mut target = vec![0.0; observations.value.len()];
+        for (row, target) in target.chunks_exact_mut(n.max(1)).enumerate() {
+            let offset = offset[row % observations.n_channels];
+            for (target, &value) in target.iter_mut().zip(&observations.value[row * n..]) {
+                *target = loss.transformed(value, offset);
+            }
+        }
+        let n_unknowns = shape.n_unknowns();
+        Self {
+            bins: bins(observations, &shape),
+            shape,
+            observations,
+            loss,
+            offset: offset.to_vec(),
+            target,
+            root_weight: observations.weight.iter().map(|w| w.sqrt()).collect(),
+            penalty,
+            prior,
+            precision: 1.0,
+            x: vec![0.0; n_unknowns],
+            coefficients: vec![0.0; n_unknowns],
+            squares: f64::NAN,
+            penalties: f64::NAN,
+        }
+    }
+
+    fn set(&mut self, x: &[f64]) {
+        self.x.copy_from_slice(x);
+        self.coefficients.copy_from_slice(x);
+        for k in 0..self.shape.n_lobes() {
+            let at = self.shape.shared(BETA, k);
+            self.coefficients[at..at + self.shape.sizes.beta].iter_mut().for_each(|b| *b = b.tanh());
+        }
+    }
+
+    /// Calls `row` with the weight and the terms (unknown, factor) of each row of the penalty, whose target is zero.
+    fn penalty_rows(&self, mut row: impl FnMut(f64, &[(usize, f64)])) {
+        let Penalty { bend, slope, size } = self.penalty;
+        for (curve, at) in self.shape.curves() {
+            let n = self.shape.basis(curve).size;
+            // Differences as those of a curve of six coefficients, so that finer curves may bend as much
+            let spacing = 5.0 / (n.max(2) - 1) as f64;
+            for i in 1..n {
+                row(slope / spacing, &[(at + i - 1, -1.0), (at + i, 1.0)]);
+                if i + 1 < n {
+                    row(bend / spacing.powi(3), &[(at + i - 1, 1.0), (at + i, -2.0), (at + i + 1, 1.0)]);
+                }
+            }
+            if curve == COLOUR || curve == BETA {
+                for i in 0..n {
+                    row(size / n as f64, &[(at + i, 1.0)]);
+                }
+            }
+        }
+    }
+
+    /// Twice the negative logarithm of the posterior, the noise integrated out, up to a constant.
+    #[must_use]
+    pub fn objective(&self, n_effective: f64, least: f64) -> f64 {
+        n_effective * (self.squares + least).ln() + self.penalties
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn cost(&mut self, x: &[f64]) -> f64 {
+        self.set(x);
+        let mut bins = std::mem::take(&mut self.bins);
+        let parts: Vec<f64> = bins.par_iter_mut().map(|bin| bin.evaluate(self)).collect();
+        self.bins = bins;
+        self.squares = parts.iter().sum();
+        let mut penalties = 0.0;
+        self.penalty_rows(|weight, terms| {
+            penalties += weight * terms.iter().map(|&(i, f)| f * x[i]).sum::<f64>().powi(2);
+        });
+        if let Some(prior) = self.prior {
+            let away: Vec<f64> = x.iter().zip(&prior.mean).map(|(x, m)| x - m).collect();
+            let rows = prior.precision.chunks_exact(x.len());
+            penalties += rows.zip(&away).map(|(row, a)| a * dot(row, &away)).sum::<f64>();
+        }
+        self.penalties = penalties;
+        0.5 * (self.precision * self.squares + penalties)
+    }
+
+    fn equations(&self) -> Arrow {
+        let (shape, p) = (&self.shape, self.shape.n_unknowns());
+        if self.prior.is_some() || shape.n_block() == 0 {
+            return Arrow::new(p, 0, 0);
+        }
+        Arrow::new(shape.n_shared(), shape.n_block(), shape.n_channels)
+    }
+
+    fn linearise(&mut self, equations: &mut Arrow) {
+        let mut bins = std::mem::take(&mut self.bins);
+        bins.par_iter_mut().for_each(|bin| bin.linearise(self));
+        for bin in &bins {
+            bin.assemble(self, equations);
+        }
+        self.bins = bins;
+        let x = &self.x;
+        self.penalty_rows(|weight, terms| {
+            let value: f64 = terms.iter().map(|&(i, f)| f * x[i]).sum();
+            for &(i, f) in terms {
+                equations.gradient[i] += weight * f * value;
+                for &(j, g) in terms.iter().filter(|&&(j, _)| j <= i) {
+                    *equations.entry(i, j) += weight * f * g;
+                }
+            }
+        });
+        if let Some(prior) = self.prior {
+            let away: Vec<f64> = x.iter().zip(&prior.mean).map(|(x, m)| x - m).collect();
+            for (i, row) in prior.precision.chunks_exact(x.len()).enumerate() {
+                equations.gradient[i] += dot(row, &away);
+                for j in 0..=i {
+                    *equations.entry(i, j) += row[j];
+                }
+            }
+        }
+    }
+
+    fn limits(&self, i: usize) -> (f64, f64) {
+        let shared = self.shape.n_shared();
+        if i >= shared {
+            return (-MAX_COLOUR, MAX_COLOUR);
+        }
+        let k = self.shape.shared(SCALE, 1);
+        match i % k {
+            at if at < self.shape.shared(GAMMA, 0) => LN_KAPPA,
+            at if at < self.shape.shared(BETA, 0) => LN_GAMMA,
+            _ => (-MAX_ATANH_BETA, MAX_ATANH_BETA),
+        }
+    }
+}
+
+/// Positions of about the same x, between the same knots of all curves.
+fn bins(observations: &Observations, shape: &Shape) -> Vec<Bin> {
+    let spans = |x: f64| [SCALE, GAMMA, BETA, COLOUR].map(|curve| shape.basis(curve).span(x));
+    let x = &observations.x;
+    let mut bins = Vec::new();
+    let mut start = 0;
+    while start < x.len() {
+        let here = spans(x[start]);
+        let mut end = start + 1;
+        while end < x.len() && x[end] - x[start] < BIN_WIDTH && spans(x[end]) == here {
+            end += 1;
+        }
+        bins.push(Bin::new(observations, shape, start, end - start));
+        start = end;
+    }
+    bins
+}
+
+impl Bin {
+    fn new(observations: &Observations, shape: &Shape, start: usize, n: usize) -> Self {
+        let (lobes, channels, nodes) = (shape.n_lobes(), shape.n_channels, observations.n_nodes);
+        let mut bin = Self {
+            start,
+            n,
+            first: [0; CURVES],
+            functions: std::array::from_fn(|_| vec![0.0; WIDTH * n]),
+            mean: [[0.0; WIDTH]; CURVES],
+            exponent: vec![0.0; lobes * n],
+            beta: vec![0.0; lobes * n],
+            value: vec![0.0; lobes * channels * n],
+            slope: vec![0.0; lobes * channels * n],
+            residual: vec![0.0; nodes * channels * n],
+            weight: vec![0.0; nodes * channels * n],
+            columns: vec![0.0; 3 * lobes * n],
+            squares: vec![0.0; channels * 9 * lobes * lobes],
+            gradient: vec![0.0; 3 * lobes * WIDTH],
+            colour_gradient: vec![0.0; channels * lobes * WIDTH],
+        };
+        for curve in 0..CURVES {
+            for i in 0..n {
+                let (first, b) = shape.basis(curve).at(observations.x[start + i]);
+                bin.first[curve] = first;
+                for (m, b) in b.into_iter().enumerate() {
+                    bin.functions[curve][m * n + i] = b;
+                    bin.mean[curve][m] += b / n as f64;
+                }
+            }
+        }
+        bin
+    }
+
+    /// The curve with these coefficients at each position.
+    fn curve(&self, curve: usize, size: usize, coefficients: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for m in 0..size.min(WIDTH) {
+            add_scaled(coefficients[self.first[curve] + m], &self.functions[curve][m * self.n..(m + 1) * self.n], out);
+        }
+    }
+
+    /// Evaluates the model; the part of the weighted squares.
+    fn evaluate(&mut self, problem: &Problem) -> f64 {
+        let (shape, observations, c) = (&problem.shape, problem.observations, &problem.coefficients);
+        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes());
+        let positions = self.start..self.start + n;
+        let mut power = vec![0.0; n];
+        let mut colour = vec![0.0; n];
+        for (k, kind) in shape.kinds.iter().enumerate() {
+            let base = match kind {
+                Kind::Falling => &observations.ln_cos[positions.clone()],
+                Kind::Rising => &observations.ln_sin[positions.clone()],
+            };
+            let part = |curve| {
+                let at = shape.shared(curve, k);
+                (shape.basis(curve).size, &c[at..at + shape.basis(curve).size])
+            };
+            let (size, coefficients) = part(GAMMA);
+            self.curve(GAMMA, size, coefficients, &mut power);
+            times_exp(base, &power, &mut self.exponent[k * n..(k + 1) * n]);
+            let (size, coefficients) = part(BETA);
+            let mut beta = std::mem::take(&mut self.beta);
+            self.curve(BETA, size, coefficients, &mut beta[k * n..(k + 1) * n]);
+            self.beta = beta;
+            let (size, coefficients) = part(SCALE);
+            self.curve(SCALE, size, coefficients, &mut power);
+            add_scaled(1.0, &self.exponent[k * n..(k + 1) * n], &mut power);
+            for channel in 0..channels {
+                let at = shape.colour(channel, k);
+                let size = shape.n_colour();
+                self.curve(COLOUR, size, &c[at..at + size], &mut colour);
+                add_scaled(1.0, &power, &mut colour);
+                let row = (k * channels + channel) * n..(k * channels + channel + 1) * n;
+                values_and_slopes(&colour, &mut self.value[row.clone()], &mut self.slope[row]);
+            }
+        }
+        let mut squares = 0.0;
+        let mut model = colour;
+        for node in 0..observations.n_nodes {
+            for channel in 0..channels {
+                let row = observations.row(node, channel) + self.start;
+                let row = row..row + n;
+                model.fill(0.0);
+                for k in 0..lobes {
+                    let of = (k * channels + channel) * n;
+                    add_lobe(
+                        &self.value[of..of + n],
+                        &self.beta[k * n..(k + 1) * n],
+                        &observations.azimuth[row.clone()],
+                        &mut model,
+                    );
+                }
+                let at = (node * channels + channel) * n;
+                let (target, root) = (&problem.target[row.clone()], &problem.root_weight[row]);
+                for i in 0..n {
+                    let (r, d) = problem.loss.residual(model[i], target[i], problem.offset[channel]);
+                    // Nothing is said of what is not measured
+                    let (r, d) = if root[i] > 0.0 { (r * root[i], d * root[i]) } else { (0.0, 0.0) };
+                    self.residual[at + i] = r;
+                    self.weight[at + i] = d;
+                    squares += r * r;
+                }
+            }
+        }
+        squares
+    }
+
+    /// Sums over positions of products of columns, and with the residuals.
+    fn linearise(&mut self, problem: &Problem) {
+        let (shape, observations) = (&problem.shape, problem.observations);
+        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes());
+        let width = 3 * lobes;
+        self.squares.fill(0.0);
+        self.gradient.fill(0.0);
+        self.colour_gradient.fill(0.0);
+        let mut weighted = vec![0.0; WIDTH * n];
+        for node in 0..observations.n_nodes {
+            for channel in 0..channels {
+                let row = observations.row(node, channel) + self.start;
+                let azimuth = &observations.azimuth[row..row + n];
+                let at = (node * channels + channel) * n;
+                let (residual, weight) = (&self.residual[at..at + n], &self.weight[at..at + n]);
+                for k in 0..lobes {
+                    let of = (k * channels + channel) * n;
+                    columns(
+                        weight,
+                        azimuth,
+                        &self.value[of..of + n],
+                        &self.slope[of..of + n],
+                        &self.exponent[k * n..(k + 1) * n],
+                        &self.beta[k * n..(k + 1) * n],
+                        &mut self.columns[3 * k * n..3 * (k + 1) * n],
+                    );
+                }
+                products(&self.columns, n, &mut self.squares[channel * width * width..(channel + 1) * width * width]);
+                for curve in [SCALE, GAMMA, BETA] {
+                    weigh(&self.functions[curve], residual, &mut weighted);
+                    for k in 0..lobes {
+                        let column = &self.columns[(3 * k + curve) * n..(3 * k + curve + 1) * n];
+                        for m in 0..shape.basis(curve).size.min(WIDTH) {
+                            self.gradient[(3 * k + curve) * WIDTH + m] +=
+                                dot(column, &weighted[m * n..(m + 1) * n]);
+                        }
+                    }
+                }
+                if shape.n_colour() > 0 {
+                    weigh(&self.functions[COLOUR], residual, &mut weighted);
+                    for k in 0..lobes {
+                        let column = &self.columns[3 * k * n..(3 * k + 1) * n];
+                        for m in 0..shape.n_colour().min(WIDTH) {
+                            self.colour_gradient[(channel * lobes + k) * WIDTH + m] +=
+                                dot(column, &weighted[m * n..(m + 1) * n]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds this bin's part of the normal equations.
+    fn assemble(&self, problem: &Problem, equations: &mut Arrow) {
+        let shape = &problem.shape;
+        let (lobes, channels, precision) = (shape.n_lobes(), shape.n_channels, problem.precision);
+        let width = 3 * lobes;
+        // Unknowns that are alive here: (unknown, column, function)
+        let mut shared: Vec<(usize, usize, f64)> = Vec::with_capacity(width * WIDTH);
+        for k in 0..lobes {
+            for curve in [SCALE, GAMMA, BETA] {
+                let at = shape.shared(curve, k) + self.first[curve];
+                for m in 0..shape.basis(curve).size.min(WIDTH) {
+                    let b = problem.coefficients[at + m];
+                    let chain = if curve == BETA { 1.0 - b * b } else { 1.0 };
+                    shared.push((at + m, 3 * k + curve, self.mean[curve][m] * chain));
+                    let gradient = self.gradient[(3 * k + curve) * WIDTH + m];
+                    equations.gradient[at + m] += precision * chain * gradient;
+                }
+            }
+        }
+        let mut total = vec![0.0; width * width];
+        for squares in self.squares.chunks_exact(width * width) {
+            add_scaled(precision, squares, &mut total);
+        }
+        add_block(equations, &shared, &total, width);
+        if shape.n_colour() == 0 {
+            return;
+        }
+        let mut colours: Vec<(usize, usize, f64)> = Vec::with_capacity(lobes * WIDTH);
+        for channel in 0..channels {
+            total.fill(0.0);
+            add_scaled(
+                precision,
+                &self.squares[channel * width * width..(channel + 1) * width * width],
+                &mut total,
+            );
+            colours.clear();
+            for k in 0..lobes {
+                let at = shape.colour(channel, k) + self.first[COLOUR];
+                for m in 0..shape.n_colour().min(WIDTH) {
+                    colours.push((at + m, 3 * k, self.mean[COLOUR][m]));
+                    let gradient = self.colour_gradient[(channel * lobes + k) * WIDTH + m];
+                    equations.gradient[at + m] += precision * gradient;
+                }
+            }
+            add_block(equations, &colours, &total, width);
+            for &(i, a, f) in &colours {
+                for &(j, b, g) in &shared {
+                    *equations.entry(i, j) += f * g * total[a.max(b) * width + a.min(b)];
+                }
+            }
+        }
+    }
+}
+
+/// Adds products of unknowns among themselves.
+fn add_block(equations: &mut Arrow, alive: &[(usize, usize, f64)], squares: &[f64], width: usize) {
+    for &(i, a, f) in alive {
+        for &(j, b, g) in alive.iter().filter(|&&(j, ..)| j <= i) {
+            *equations.entry(i, j) += f * g * squares[a.max(b) * width + a.min(b)];
+        }
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_scaled(factor: f64, x: &[f64], sum: &mut [f64]) {
+    for (sum, x) in sum.iter_mut().zip(x) {
+        *sum = factor.mul_add(*x, *sum);
+    }
+}
+
+/// `out = base exp(ln_gamma)`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn times_exp(base: &[f64], ln_gamma: &[f64], out: &mut [f64]) {
+    for ((out, base), g) in out.iter_mut().zip(base).zip(ln_gamma) {
+        *out = base * exp(*g);
+    }
+}
+
+/// `expm1(exp(p))` and its derivative by p.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn values_and_slopes(p: &[f64], value: &mut [f64], slope: &mut [f64]) {
+    for ((p, value), slope) in p.iter().zip(value).zip(slope) {
+        let t = exp(p.min(LN_KAPPA.1));
+        *value = expm1(t);
+        *slope = t * (*value + 1.0);
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_lobe(value: &[f64], beta: &[f64], azimuth: &[f64], sum: &mut [f64]) {
+    for (((sum, value), beta), azimuth) in sum.iter_mut().zip(value).zip(beta).zip(azimuth) {
+        *sum = value.mul_add(beta.mul_add(*azimuth, 1.0), *sum);
+    }
+}
+
+/// Derivatives of a residual by `ln kappa`, `ln gamma` and beta of a lobe, one after another.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn columns(
+    weight: &[f64],
+    azimuth: &[f64],
+    value: &[f64],
+    slope: &[f64],
+    exponent: &[f64],
+    beta: &[f64],
+    columns: &mut [f64],
+) {
+    let n = value.len();
+    let (by_kappa, rest) = columns.split_at_mut(n);
+    let (by_gamma, by_beta) = rest.split_at_mut(n);
+    for i in 0..n {
+        let d = weight[i] * slope[i] * beta[i].mul_add(azimuth[i], 1.0);
+        by_kappa[i] = d;
+        by_gamma[i] = d * exponent[i];
+        by_beta[i] = weight[i] * value[i] * azimuth[i];
+    }
+}
+
+/// `out[m] = functions[m] residual`.
+fn weigh(functions: &[f64], residual: &[f64], out: &mut [f64]) {
+    let n = residual.len();
+    for (out, functions) in out.chunks_exact_mut(n).zip(functions.chunks_exact(n)) {
+        for ((out, f), r) in out.iter_mut().zip(functions).zip(residual) {
+            *out = f * r;
+        }
+    }
+}
+
+const LANES: usize = 8;
+
+#[inline(always)]
+fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
+    let mut sums = [0.0; LANES];
+    let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
+    let rest: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in xs.zip(ys) {
+        for lane in 0..LANES {
+            sums[lane] = x[lane].mul_add(y[lane], sums[lane]);
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    dot_lanes(x, y)
+}
+
+/// Adds the products of all pairs of columns to the lower triangle of `squares`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn products(columns: &[f64], n: usize, squares: &mut [f64]) {
+    let width = columns.len() / n;
+    for i in 0..width {
+        for j in 0..=i {
+            squares[i * width + j] +=
+                dot_lanes(&columns[i * n..(i + 1) * n], &columns[j * n..(j + 1) * n]);
+        }
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::observations::Given;
+    use crate::shape::Sizes;
+
+    pub const SIZES: Sizes = Sizes { scale: 5, gamma: 3, beta: 2, colour: 2 };
+
+    pub fn shape(kinds: &[Kind], n_channels: usize) -> Shape {
+        Shape { kinds: kinds.to_vec(), n_channels, sizes: SIZES }
+    }
+
+    /// Positions over the hemisphere with two nodes, and made-up values.
+    pub fn observations(n: usize, n_channels: usize) -> Observations {
+        let unit = |i: usize, k: usize| ((i * 7919 + k * 104_729) as f64 * 0.618_033_988_749_894_9).fract();
+        let theta: Vec<f64> = (0..n).map(|i| 1.4 * unit(i, 1).powi(2) + 0.01).collect();
+        let x: Vec<f64> = (0..n).map(|i| unit(i, 2)).collect();
+        let wide = |k: usize| -> Vec<f64> { (0..n * 2 * n_channels).map(|i| unit(i, k)).collect() };
+        let given = Given {
+            ln_cos: &theta.iter().map(|t| t.cos().ln()).collect::<Vec<_>>(),
+            ln_sin: &theta.iter().map(|t| t.sin().ln()).collect::<Vec<_>>(),
+            x: &x,
+            azimuth: &wide(3).iter().map(|a| 2.0 * a - 1.0).collect::<Vec<_>>(),
+            value: &wide(4),
+            weight: &wide(5),
+        };
+        Observations::new(&given, 2, n_channels)
+    }
+
+    const PENALTY: Penalty = Penalty { bend: 0.3, slope: 0.2, size: 0.1 };
+
+    #[test]
+    fn gradient_equals_differences() {
+        let observations = observations(400, 3);
+        let shape = shape(&[Kind::Falling, Kind::Rising], 3);
+        let p = shape.n_unknowns();
+        let x: Vec<f64> = (0..p).map(|i| ((i * 31 + 7) as f64 * 0.618_033_988).fract() - 0.3).collect();
+        for loss in [Loss::Log, Loss::Gamma, Loss::L2] {
+            let mut problem = Problem::new(&observations, shape.clone(), loss, &[0.01; 3], PENALTY, None);
+            problem.precision = 50.0;
+            problem.cost(&x);
+            let mut equations = problem.equations();
+            problem.linearise(&mut equations);
+            for i in 0..p {
+                let mut shifted = |by: f64| {
+                    let mut x = x.clone();
+                    x[i] += by;
+                    problem.cost(&x)
+                };
+                let h = 1e-4;
+                let want = (8.0 * (shifted(h) - shifted(-h)) - (shifted(2.0 * h) - shifted(-2.0 * h))) / (12.0 * h);
+                let got = equations.gradient[i];
+                assert!((got - want).abs() < 1e-6 * (1.0 + want.abs()), "{loss:?} {i}: {got} {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn hessian_is_that_of_differences_of_residuals() {
+        let observations = observations(300, 2);
+        let shape = shape(&[Kind::Falling, Kind::Falling], 2);
+        let p = shape.n_unknowns();
+        let x: Vec<f64> = (0..p).map(|i| ((i * 17 + 3) as f64 * 0.618_033_988).fract() - 0.3).collect();
+        let none = Penalty { bend: 0.0, slope: 0.0, size: 0.0 };
+        let mut problem = Problem::new(&observations, shape, Loss::Log, &[0.01; 2], none, None);
+        problem.cost(&x);
+        let mut equations = problem.equations();
+        problem.linearise(&mut equations);
+        let full = equations.dense();
+        let mut rows = |i: usize, by: f64| -> Vec<f64> {
+            let mut x = x.clone();
+            x[i] += by;
+            problem.cost(&x);
+            problem.bins.iter().flat_map(|bin| bin.residual.clone()).collect()
+        };
+        let columns: Vec<Vec<f64>> = (0..p)
+            .map(|i| rows(i, 1e-5).iter().zip(rows(i, -1e-5)).map(|(a, b)| (a - b) / 2e-5).collect())
+            .collect();
+        for i in 0..p {
+            for j in 0..p {
+                let want: f64 = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum();
+                let scale = (full[i * p + i] * full[j * p + j]).sqrt();
+                // Within a bin the curves' functions are those of its middle
+                assert!((full[i * p + j] - want).abs() < 0.02 * scale, "{i} {j}: {} {want}", full[i * p + j]);
+            }
+        }
+    }
+}

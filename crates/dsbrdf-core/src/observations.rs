@@ -1,0 +1,108 @@
+//! What is fitted: values at positions (theta_h, theta_d), a few azimuths at each.
+//!
+//! A scattered sample is a position with one azimuth. A cell of a table is one with two: two values at two azimuths have
+//! the same count, means, variance and covariance over phi_d as all of its entries, and so the same least squares.
+
+/// Observations at `n` positions, `n_nodes` azimuths each, ascending in x.
+pub struct Observations {
+    pub n_nodes: usize,
+    pub n_channels: usize,
+    /// `ln cos(theta_h)`, `ln sin(theta_h)` and `cos(theta_d)` of each position.
+    pub ln_cos: Vec<f64>,
+    pub ln_sin: Vec<f64>,
+    pub x: Vec<f64>,
+    /// (node, channel, position): azimuthal factor times cos(2 phi_d), value, and weight; weights add up to one.
+    pub azimuth: Vec<f64>,
+    pub value: Vec<f64>,
+    pub weight: Vec<f64>,
+}
+
+/// The arrays of [`Observations::new`], (position,) and (position, node, channel).
+pub struct Given<'a> {
+    pub ln_cos: &'a [f64],
+    pub ln_sin: &'a [f64],
+    pub x: &'a [f64],
+    pub azimuth: &'a [f64],
+    pub value: &'a [f64],
+    pub weight: &'a [f64],
+}
+
+impl Observations {
+    /// Sorts what is given; positions without weight are left out.
+    #[must_use]
+    pub fn new(given: &Given, n_nodes: usize, n_channels: usize) -> Self {
+        let width = n_nodes * n_channels;
+        let mut order: Vec<usize> = (0..given.x.len())
+            .filter(|&i| given.weight[i * width..(i + 1) * width].iter().any(|&w| w > 0.0))
+            .collect();
+        order.sort_by(|&i, &j| {
+            (given.x[i], given.ln_cos[i]).partial_cmp(&(given.x[j], given.ln_cos[j])).expect("finite angles")
+        });
+        Self::picked(given, &order, n_nodes, n_channels)
+    }
+
+    fn picked(given: &Given, order: &[usize], n_nodes: usize, n_channels: usize) -> Self {
+        let width = n_nodes * n_channels;
+        let one = |from: &[f64]| order.iter().map(|&i| from[i]).collect();
+        let all = |from: &[f64]| -> Vec<f64> {
+            (0..width).flat_map(|at| order.iter().map(move |&i| from[i * width + at])).collect()
+        };
+        let mut weight = all(given.weight);
+        let total: f64 = weight.iter().sum();
+        weight.iter_mut().for_each(|w| *w /= total);
+        Self {
+            n_nodes,
+            n_channels,
+            ln_cos: one(given.ln_cos),
+            ln_sin: one(given.ln_sin),
+            x: one(given.x),
+            azimuth: all(given.azimuth),
+            value: all(given.value),
+            weight,
+        }
+    }
+
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+
+    /// Where the (node, channel) rows of all positions begin.
+    #[must_use]
+    pub fn row(&self, node: usize, channel: usize) -> usize {
+        (node * self.n_channels + channel) * self.len()
+    }
+
+    /// About `n` of the positions, spread over x and theta_h as all are.
+    #[must_use]
+    pub fn thinned(&self, n: usize) -> Self {
+        let step = self.len().div_ceil(n.max(1)).max(1);
+        // Even steps through strips of x, within which positions go by theta_h
+        let strip = (64 * step).min(self.len().max(1));
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        for strip in order.chunks_mut(strip) {
+            strip.sort_by(|&i, &j| self.ln_cos[i].total_cmp(&self.ln_cos[j]).then(i.cmp(&j)));
+        }
+        let mut kept: Vec<usize> = order.into_iter().skip(step / 2).step_by(step).collect();
+        kept.sort_unstable();
+        let width = self.n_nodes * self.n_channels;
+        let rows = |from: &[f64]| -> Vec<f64> {
+            (0..self.len()).flat_map(|i| (0..width).map(move |at| from[at * self.len() + i])).collect()
+        };
+        let (azimuth, value, weight) = (rows(&self.azimuth), rows(&self.value), rows(&self.weight));
+        let given = Given {
+            ln_cos: &self.ln_cos,
+            ln_sin: &self.ln_sin,
+            x: &self.x,
+            azimuth: &azimuth,
+            value: &value,
+            weight: &weight,
+        };
+        Self::picked(&given, &kept, self.n_nodes, self.n_channels)
+    }
+}
