@@ -10,7 +10,7 @@ use crate::basis::WIDTH;
 use crate::exp::{exp, expm1};
 use crate::levenberg_marquardt::LeastSquares;
 use crate::observations::Observations;
-use crate::shape::{BETA, COLOUR, CURVES, GAMMA, Kind, SCALE, Shape};
+use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
 
 /// Least and greatest `ln kappa`: absent, and the most that `expm1` holds.
 pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
@@ -18,8 +18,10 @@ pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
 pub const LN_GAMMA: (f64, f64) = (-6.0, 14.0);
 /// Greatest `ln kappa` of a colour, either way.
 pub const MAX_COLOUR: f64 = 20.0;
-/// Greatest unknown of beta, which is its tanh, either way.
-pub const MAX_ATANH_BETA: f64 = 3.0;
+/// Greatest beta, either way.
+pub const MAX_BETA: f64 = 4.0;
+/// Least and greatest falloff; a lobe's energy is finite above -1.
+pub const FALLOFF_RANGE: (f64, f64) = (-0.9, 20.0);
 /// Positions of a bin lie within this much of x: there the Hessian takes the mean of the curves' functions.
 const BIN_WIDTH: f64 = 1.0 / 96.0;
 /// Differences of logarithms above this count linearly in the gamma deviance.
@@ -85,7 +87,7 @@ pub struct Penalty {
     pub bend: f64,
     /// Of first differences.
     pub slope: f64,
-    /// Of colours themselves, and of atanh(beta).
+    /// Of colours themselves, of beta and of the falloff.
     pub size: f64,
 }
 
@@ -103,16 +105,17 @@ struct Bin {
     first: [usize; CURVES],
     functions: [Vec<f64>; CURVES],
     mean: [[f64; WIDTH]; CURVES],
-    /// (lobe, position): gamma times the logarithm of the cosine or sine; beta.
+    /// (lobe, position): gamma times the logarithm of the cosine.
     exponent: Vec<f64>,
-    beta: Vec<f64>,
+    /// (lobe, node, position): `exp(beta azimuth + falloff ln_fall)`.
+    factor: Vec<f64>,
     /// (lobe, channel, position): value, and derivative by `ln kappa`.
     value: Vec<f64>,
     slope: Vec<f64>,
     /// (node, channel, position): residual, and derivative by the model's value, both with the root of the weight.
     residual: Vec<f64>,
     weight: Vec<f64>,
-    /// (column, position) of one node and channel; a column for each lobe's ln kappa, ln gamma and beta.
+    /// (column, position) of one node and channel; a column for each lobe's ln kappa, ln gamma, beta and falloff.
     columns: Vec<f64>,
     /// (channel, column, column), lower triangles, and gradients (channel, column, function), of two bases each.
     squares: Vec<f64>,
@@ -135,8 +138,6 @@ pub struct Problem<'a> {
     pub precision: f64,
     bins: Vec<Bin>,
     x: Vec<f64>,
-    /// `x`, with beta for its unknown.
-    coefficients: Vec<f64>,
     /// Weighted mean of squared residuals, and the penalty, at `x`.
     pub squares: f64,
     pub penalties: f64,
@@ -173,18 +174,8 @@ impl<'a> Problem<'a> {
             prior,
             precision: 1.0,
             x: vec![0.0; n_unknowns],
-            coefficients: vec![0.0; n_unknowns],
             squares: f64::NAN,
             penalties: f64::NAN,
-        }
-    }
-
-    fn set(&mut self, x: &[f64]) {
-        self.x.copy_from_slice(x);
-        self.coefficients.copy_from_slice(x);
-        for k in 0..self.shape.n_lobes() {
-            let at = self.shape.shared(BETA, k);
-            self.coefficients[at..at + self.shape.sizes.beta].iter_mut().for_each(|b| *b = b.tanh());
         }
     }
 
@@ -201,7 +192,7 @@ impl<'a> Problem<'a> {
                     row(bend / spacing.powi(3), &[(at + i - 1, 1.0), (at + i, -2.0), (at + i + 1, 1.0)]);
                 }
             }
-            if curve == COLOUR || curve == BETA {
+            if matches!(curve, COLOUR | BETA | FALLOFF) {
                 for i in 0..n {
                     row(size / n as f64, &[(at + i, 1.0)]);
                 }
@@ -218,7 +209,7 @@ impl<'a> Problem<'a> {
 
 impl LeastSquares for Problem<'_> {
     fn cost(&mut self, x: &[f64]) -> f64 {
-        self.set(x);
+        self.x.copy_from_slice(x);
         let mut bins = std::mem::take(&mut self.bins);
         let parts: Vec<f64> = bins.par_iter_mut().map(|bin| bin.evaluate(self)).collect();
         self.bins = bins;
@@ -281,14 +272,15 @@ impl LeastSquares for Problem<'_> {
         match i % k {
             at if at < self.shape.shared(GAMMA, 0) => LN_KAPPA,
             at if at < self.shape.shared(BETA, 0) => LN_GAMMA,
-            _ => (-MAX_ATANH_BETA, MAX_ATANH_BETA),
+            at if at < self.shape.shared(FALLOFF, 0) => (-MAX_BETA, MAX_BETA),
+            _ => FALLOFF_RANGE,
         }
     }
 }
 
 /// Positions of about the same x, between the same knots of all curves.
 fn bins(observations: &Observations, shape: &Shape) -> Vec<Bin> {
-    let spans = |x: f64| [SCALE, GAMMA, BETA, COLOUR].map(|curve| shape.basis(curve).span(x));
+    let spans = |x: f64| std::array::from_fn::<usize, CURVES, _>(|curve| shape.basis(curve).span(x));
     let x = &observations.x;
     let mut bins = Vec::new();
     let mut start = 0;
@@ -306,7 +298,7 @@ fn bins(observations: &Observations, shape: &Shape) -> Vec<Bin> {
 
 impl Bin {
     fn new(observations: &Observations, shape: &Shape, start: usize, n: usize) -> Self {
-        let (lobes, channels, nodes) = (shape.n_lobes(), shape.n_channels, observations.n_nodes);
+        let (lobes, channels, nodes) = (shape.n_lobes, shape.n_channels, observations.n_nodes);
         let mut bin = Self {
             start,
             n,
@@ -314,14 +306,14 @@ impl Bin {
             functions: std::array::from_fn(|_| vec![0.0; WIDTH * n]),
             mean: [[0.0; WIDTH]; CURVES],
             exponent: vec![0.0; lobes * n],
-            beta: vec![0.0; lobes * n],
+            factor: vec![0.0; lobes * nodes * n],
             value: vec![0.0; lobes * channels * n],
             slope: vec![0.0; lobes * channels * n],
             residual: vec![0.0; nodes * channels * n],
             weight: vec![0.0; nodes * channels * n],
-            columns: vec![0.0; 3 * lobes * n],
-            squares: vec![0.0; channels * 9 * lobes * lobes],
-            gradient: vec![0.0; 3 * lobes * WIDTH],
+            columns: vec![0.0; SHARED.len() * lobes * n],
+            squares: vec![0.0; channels * (SHARED.len() * lobes).pow(2)],
+            gradient: vec![0.0; SHARED.len() * lobes * WIDTH],
             colour_gradient: vec![0.0; channels * lobes * WIDTH],
         };
         for curve in 0..CURVES {
@@ -347,27 +339,35 @@ impl Bin {
 
     /// Evaluates the model; the part of the weighted squares.
     fn evaluate(&mut self, problem: &Problem) -> f64 {
-        let (shape, observations, c) = (&problem.shape, problem.observations, &problem.coefficients);
-        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes());
+        let (shape, observations, c) = (&problem.shape, problem.observations, &problem.x);
+        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes);
         let positions = self.start..self.start + n;
         let mut power = vec![0.0; n];
         let mut colour = vec![0.0; n];
-        for (k, kind) in shape.kinds.iter().enumerate() {
-            let base = match kind {
-                Kind::Falling => &observations.ln_cos[positions.clone()],
-                Kind::Rising => &observations.ln_sin[positions.clone()],
-            };
+        let mut beta = vec![0.0; n];
+        for k in 0..lobes {
             let part = |curve| {
                 let at = shape.shared(curve, k);
                 (shape.basis(curve).size, &c[at..at + shape.basis(curve).size])
             };
             let (size, coefficients) = part(GAMMA);
             self.curve(GAMMA, size, coefficients, &mut power);
-            times_exp(base, &power, &mut self.exponent[k * n..(k + 1) * n]);
+            times_exp(&observations.ln_cos[positions.clone()], &power, &mut self.exponent[k * n..(k + 1) * n]);
             let (size, coefficients) = part(BETA);
-            let mut beta = std::mem::take(&mut self.beta);
-            self.curve(BETA, size, coefficients, &mut beta[k * n..(k + 1) * n]);
-            self.beta = beta;
+            self.curve(BETA, size, coefficients, &mut beta);
+            let (size, coefficients) = part(FALLOFF);
+            self.curve(FALLOFF, size, coefficients, &mut power);
+            for node in 0..observations.n_nodes {
+                let row = node * observations.len() + self.start;
+                let at = (k * observations.n_nodes + node) * n;
+                factors(
+                    &beta,
+                    &observations.azimuth[row..row + n],
+                    &power,
+                    &observations.ln_fall[row..row + n],
+                    &mut self.factor[at..at + n],
+                );
+            }
             let (size, coefficients) = part(SCALE);
             self.curve(SCALE, size, coefficients, &mut power);
             add_scaled(1.0, &self.exponent[k * n..(k + 1) * n], &mut power);
@@ -391,8 +391,7 @@ impl Bin {
                     let of = (k * channels + channel) * n;
                     add_lobe(
                         &self.value[of..of + n],
-                        &self.beta[k * n..(k + 1) * n],
-                        &observations.azimuth[row.clone()],
+                        &self.factor[(k * observations.n_nodes + node) * n..][..n],
                         &mut model,
                     );
                 }
@@ -414,37 +413,38 @@ impl Bin {
     /// Sums over positions of products of columns, and with the residuals.
     fn linearise(&mut self, problem: &Problem) {
         let (shape, observations) = (&problem.shape, problem.observations);
-        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes());
-        let width = 3 * lobes;
+        let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes);
+        let width = SHARED.len() * lobes;
         self.squares.fill(0.0);
         self.gradient.fill(0.0);
         self.colour_gradient.fill(0.0);
         let mut weighted = vec![0.0; WIDTH * n];
         for node in 0..observations.n_nodes {
             for channel in 0..channels {
-                let row = observations.row(node, channel) + self.start;
+                let row = node * observations.len() + self.start;
                 let azimuth = &observations.azimuth[row..row + n];
+                let ln_fall = &observations.ln_fall[row..row + n];
                 let at = (node * channels + channel) * n;
                 let (residual, weight) = (&self.residual[at..at + n], &self.weight[at..at + n]);
                 for k in 0..lobes {
                     let of = (k * channels + channel) * n;
                     columns(
                         weight,
-                        azimuth,
+                        [azimuth, ln_fall],
+                        &self.factor[(k * observations.n_nodes + node) * n..][..n],
                         &self.value[of..of + n],
                         &self.slope[of..of + n],
                         &self.exponent[k * n..(k + 1) * n],
-                        &self.beta[k * n..(k + 1) * n],
-                        &mut self.columns[3 * k * n..3 * (k + 1) * n],
+                        &mut self.columns[SHARED.len() * k * n..SHARED.len() * (k + 1) * n],
                     );
                 }
                 products(&self.columns, n, &mut self.squares[channel * width * width..(channel + 1) * width * width]);
-                for curve in [SCALE, GAMMA, BETA] {
+                for curve in SHARED {
                     weigh(&self.functions[curve], residual, &mut weighted);
                     for k in 0..lobes {
-                        let column = &self.columns[(3 * k + curve) * n..(3 * k + curve + 1) * n];
+                        let column = &self.columns[(SHARED.len() * k + curve) * n..][..n];
                         for m in 0..shape.basis(curve).size.min(WIDTH) {
-                            self.gradient[(3 * k + curve) * WIDTH + m] +=
+                            self.gradient[(SHARED.len() * k + curve) * WIDTH + m] +=
                                 dot(column, &weighted[m * n..(m + 1) * n]);
                         }
                     }
@@ -452,7 +452,7 @@ impl Bin {
                 if shape.n_colour() > 0 {
                     weigh(&self.functions[COLOUR], residual, &mut weighted);
                     for k in 0..lobes {
-                        let column = &self.columns[3 * k * n..(3 * k + 1) * n];
+                        let column = &self.columns[SHARED.len() * k * n..][..n];
                         for m in 0..shape.n_colour().min(WIDTH) {
                             self.colour_gradient[(channel * lobes + k) * WIDTH + m] +=
                                 dot(column, &weighted[m * n..(m + 1) * n]);
@@ -466,19 +466,17 @@ impl Bin {
     /// Adds this bin's part of the normal equations.
     fn assemble(&self, problem: &Problem, equations: &mut Arrow) {
         let shape = &problem.shape;
-        let (lobes, channels, precision) = (shape.n_lobes(), shape.n_channels, problem.precision);
-        let width = 3 * lobes;
+        let (lobes, channels, precision) = (shape.n_lobes, shape.n_channels, problem.precision);
+        let width = SHARED.len() * lobes;
         // Unknowns that are alive here: (unknown, column, function)
         let mut shared: Vec<(usize, usize, f64)> = Vec::with_capacity(width * WIDTH);
         for k in 0..lobes {
-            for curve in [SCALE, GAMMA, BETA] {
+            for curve in SHARED {
                 let at = shape.shared(curve, k) + self.first[curve];
                 for m in 0..shape.basis(curve).size.min(WIDTH) {
-                    let b = problem.coefficients[at + m];
-                    let chain = if curve == BETA { 1.0 - b * b } else { 1.0 };
-                    shared.push((at + m, 3 * k + curve, self.mean[curve][m] * chain));
-                    let gradient = self.gradient[(3 * k + curve) * WIDTH + m];
-                    equations.gradient[at + m] += precision * chain * gradient;
+                    shared.push((at + m, SHARED.len() * k + curve, self.mean[curve][m]));
+                    let gradient = self.gradient[(SHARED.len() * k + curve) * WIDTH + m];
+                    equations.gradient[at + m] += precision * gradient;
                 }
             }
         }
@@ -502,7 +500,7 @@ impl Bin {
             for k in 0..lobes {
                 let at = shape.colour(channel, k) + self.first[COLOUR];
                 for m in 0..shape.n_colour().min(WIDTH) {
-                    colours.push((at + m, 3 * k, self.mean[COLOUR][m]));
+                    colours.push((at + m, SHARED.len() * k, self.mean[COLOUR][m]));
                     let gradient = self.colour_gradient[(channel * lobes + k) * WIDTH + m];
                     equations.gradient[at + m] += precision * gradient;
                 }
@@ -551,32 +549,43 @@ fn values_and_slopes(p: &[f64], value: &mut [f64], slope: &mut [f64]) {
     }
 }
 
+/// `exp(beta azimuth + falloff ln_fall)`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn add_lobe(value: &[f64], beta: &[f64], azimuth: &[f64], sum: &mut [f64]) {
-    for (((sum, value), beta), azimuth) in sum.iter_mut().zip(value).zip(beta).zip(azimuth) {
-        *sum = value.mul_add(beta.mul_add(*azimuth, 1.0), *sum);
+fn factors(beta: &[f64], azimuth: &[f64], falloff: &[f64], ln_fall: &[f64], out: &mut [f64]) {
+    for i in 0..out.len() {
+        out[i] = exp(beta[i].mul_add(azimuth[i], falloff[i] * ln_fall[i]));
     }
 }
 
-/// Derivatives of a residual by `ln kappa`, `ln gamma` and beta of a lobe, one after another.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_lobe(value: &[f64], factor: &[f64], sum: &mut [f64]) {
+    for ((sum, value), factor) in sum.iter_mut().zip(value).zip(factor) {
+        *sum = value.mul_add(*factor, *sum);
+    }
+}
+
+/// Derivatives of a residual by `ln kappa`, `ln gamma`, beta and falloff of a lobe, one after another.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn columns(
     weight: &[f64],
-    azimuth: &[f64],
+    [azimuth, ln_fall]: [&[f64]; 2],
+    factor: &[f64],
     value: &[f64],
     slope: &[f64],
     exponent: &[f64],
-    beta: &[f64],
     columns: &mut [f64],
 ) {
     let n = value.len();
     let (by_kappa, rest) = columns.split_at_mut(n);
-    let (by_gamma, by_beta) = rest.split_at_mut(n);
+    let (by_gamma, rest) = rest.split_at_mut(n);
+    let (by_beta, by_falloff) = rest.split_at_mut(n);
     for i in 0..n {
-        let d = weight[i] * slope[i] * beta[i].mul_add(azimuth[i], 1.0);
+        let w = weight[i] * factor[i];
+        let d = w * slope[i];
         by_kappa[i] = d;
         by_gamma[i] = d * exponent[i];
-        by_beta[i] = weight[i] * value[i] * azimuth[i];
+        by_beta[i] = w * value[i] * azimuth[i];
+        by_falloff[i] = w * value[i] * ln_fall[i];
     }
 }
 
@@ -628,10 +637,10 @@ pub mod tests {
     use crate::observations::Given;
     use crate::shape::Sizes;
 
-    pub const SIZES: Sizes = Sizes { scale: 5, gamma: 3, beta: 2, colour: 2 };
+    pub const SIZES: Sizes = Sizes { scale: 5, gamma: 3, beta: 2, falloff: 1, colour: 2 };
 
-    pub fn shape(kinds: &[Kind], n_channels: usize) -> Shape {
-        Shape { kinds: kinds.to_vec(), n_channels, sizes: SIZES }
+    pub fn shape(n_lobes: usize, n_channels: usize) -> Shape {
+        Shape { n_lobes, n_channels, sizes: SIZES }
     }
 
     /// Positions over the hemisphere with two nodes, and made-up values.
@@ -640,11 +649,12 @@ pub mod tests {
         let theta: Vec<f64> = (0..n).map(|i| 1.4 * unit(i, 1).powi(2) + 0.01).collect();
         let x: Vec<f64> = (0..n).map(|i| unit(i, 2)).collect();
         let wide = |k: usize| -> Vec<f64> { (0..n * 2 * n_channels).map(|i| unit(i, k)).collect() };
+        let node = |k: usize| -> Vec<f64> { (0..n * 2).map(|i| unit(i, k)).collect() };
         let given = Given {
             ln_cos: &theta.iter().map(|t| t.cos().ln()).collect::<Vec<_>>(),
-            ln_sin: &theta.iter().map(|t| t.sin().ln()).collect::<Vec<_>>(),
             x: &x,
-            azimuth: &wide(3).iter().map(|a| 2.0 * a - 1.0).collect::<Vec<_>>(),
+            azimuth: &node(3).iter().map(|a| 2.0 * a - 1.0).collect::<Vec<_>>(),
+            ln_fall: &node(6).iter().map(|a| -a).collect::<Vec<_>>(),
             value: &wide(4),
             weight: &wide(5),
         };
@@ -656,7 +666,7 @@ pub mod tests {
     #[test]
     fn gradient_equals_differences() {
         let observations = observations(400, 3);
-        let shape = shape(&[Kind::Falling, Kind::Rising], 3);
+        let shape = shape(2, 3);
         let p = shape.n_unknowns();
         let x: Vec<f64> = (0..p).map(|i| ((i * 31 + 7) as f64 * 0.618_033_988).fract() - 0.3).collect();
         for loss in [Loss::Log, Loss::Gamma, Loss::L2] {
@@ -682,7 +692,7 @@ pub mod tests {
     #[test]
     fn hessian_is_that_of_differences_of_residuals() {
         let observations = observations(300, 2);
-        let shape = shape(&[Kind::Falling, Kind::Falling], 2);
+        let shape = shape(2, 2);
         let p = shape.n_unknowns();
         let x: Vec<f64> = (0..p).map(|i| ((i * 17 + 3) as f64 * 0.618_033_988).fract() - 0.3).collect();
         let none = Penalty { bend: 0.0, slope: 0.0, size: 0.0 };

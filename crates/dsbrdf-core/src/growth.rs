@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::estimator::{LN_GAMMA, LN_KAPPA, Loss, Penalty, Prior, Problem};
 use crate::levenberg_marquardt::{LeastSquares, Stop, minimise};
 use crate::observations::Observations;
-use crate::shape::{BETA, GAMMA, Kind, SCALE, Shape, Sizes};
+use crate::shape::{GAMMA, SCALE, Shape, Sizes};
 
 /// What is fitted, and how.
 pub struct Plan<'a> {
@@ -16,8 +16,6 @@ pub struct Plan<'a> {
     pub penalty: Penalty,
     /// Independent observations that the data are worth.
     pub n_effective: f64,
-    /// Whether lobes that rise toward the horizon may be added.
-    pub rising: bool,
 }
 
 /// Lobes found, and how good they are.
@@ -94,8 +92,8 @@ pub fn with_log_det(problem: &mut Problem, mut solution: Solution, n_effective: 
 }
 
 impl Plan<'_> {
-    fn shape(&self, kinds: Vec<Kind>, n_channels: usize) -> Shape {
-        Shape { kinds, n_channels, sizes: self.sizes }
+    fn shape(&self, n_lobes: usize, n_channels: usize) -> Shape {
+        Shape { n_lobes, n_channels, sizes: self.sizes }
     }
 
     /// A problem of these lobes.
@@ -110,7 +108,7 @@ impl Plan<'_> {
         for n_lobes in 1..=max_lobes {
             let mut starts = vec![self.ladder(observations, n_lobes)];
             if let Some(last) = found.last() {
-                starts.extend(self.with_one_more(observations, last));
+                starts.extend(self.with_one_more(last));
             } else {
                 starts.extend([1.0_f64, 30.0].map(|gamma| {
                     let (shape, mut x) = self.ladder(observations, 1);
@@ -147,14 +145,14 @@ impl Plan<'_> {
     /// A solution with one more lobe, which is not there.
     #[must_use]
     pub fn padded(&self, solution: &Solution) -> Solution {
-        let (shape, x) = self.added(solution, Kind::Falling, 1.0, |_| ABSENT);
+        let (shape, x) = self.added(solution, 1.0, |_| ABSENT);
         Solution { shape, x, ..solution.clone() }
     }
 
     /// Heights between the 30 % and the 99.9 % quantiles, gammas between 0.3 and 900, both geometric.
     fn ladder(&self, observations: &Observations, n_lobes: usize) -> (Shape, Vec<f64>) {
         let channels = observations.n_channels;
-        let shape = self.shape(vec![Kind::Falling; n_lobes], channels);
+        let shape = self.shape(n_lobes, channels);
         let mut x = vec![0.0; shape.n_unknowns()];
         let quantiles: Vec<[f64; 2]> = (0..channels).map(|c| self.quantiles(observations, c)).collect();
         for k in 0..n_lobes {
@@ -193,66 +191,53 @@ impl Plan<'_> {
         [0.3, 0.999].map(|q| values[(q * (values.len() - 1) as f64) as usize])
     }
 
-    /// Starts with a lobe between, below and above the widths there are, and one that rises.
-    fn with_one_more(&self, observations: &Observations, last: &Solution) -> Vec<(Shape, Vec<f64>)> {
+    /// Starts with a lobe between, below and above the widths there are.
+    fn with_one_more(&self, last: &Solution) -> Vec<(Shape, Vec<f64>)> {
         let shape = &last.shape;
         let mean = |k: usize| {
             let at = shape.shared(GAMMA, k);
             last.x[at..at + self.sizes.gamma].iter().sum::<f64>() / self.sizes.gamma as f64
         };
-        let mut widths: Vec<f64> =
-            (0..shape.n_lobes()).filter(|&k| shape.kinds[k] == Kind::Falling).map(mean).collect();
+        let mut widths: Vec<f64> = (0..shape.n_lobes).map(mean).collect();
         widths.sort_by(f64::total_cmp);
         let mut gammas: Vec<f64> = widths.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         let (low, high) = (widths.first().copied().unwrap_or(1.0), widths.last().copied().unwrap_or(1.0));
         gammas.extend([low.min(2.0) - 1.5, high + 1.5, high + 3.0]);
-        let mut starts: Vec<(Shape, Vec<f64>)> = gammas
+        gammas
             .into_iter()
             .map(|g| g.clamp(LN_GAMMA.0 + 1.0, LN_GAMMA.1 - 1.0))
             .map(|g| {
                 // Where the new lobe has fallen by half, it adds a third
                 let ln_cos = -0.7 * (-g).exp();
-                self.added(last, Kind::Falling, g, |x| self.brightness(last, x, ln_cos))
+                self.added(last, g, |x| self.brightness(last, x, ln_cos))
             })
-            .collect();
-        if self.rising && !shape.kinds.contains(&Kind::Rising) {
-            let ln_cos = 75.0_f64.to_radians().cos().ln();
-            starts.push(self.added(last, Kind::Rising, 2.0, |x| self.brightness(last, x, ln_cos)));
-        }
-        let _ = observations;
-        starts
+            .collect()
     }
 
     /// `ln kappa` of a third of a solution's value, channels averaged.
     fn brightness(&self, solution: &Solution, x: f64, ln_cos: f64) -> f64 {
         let shape = &solution.shape;
-        let ln_sin = 0.5 * (-(2.0 * ln_cos).exp()).ln_1p();
         let curve = |curve, k| {
             let at = shape.shared(curve, k);
             shape.basis(curve).value(&solution.x[at..at + shape.basis(curve).size], x)
         };
-        let value: f64 = (0..shape.n_lobes())
-            .map(|k| {
-                let base = if shape.kinds[k] == Kind::Falling { ln_cos } else { ln_sin };
-                (curve(SCALE, k) + curve(GAMMA, k).exp() * base).min(LN_KAPPA.1).exp().exp_m1()
-            })
+        let value: f64 = (0..shape.n_lobes)
+            .map(|k| (curve(SCALE, k) + curve(GAMMA, k).exp() * ln_cos).min(LN_KAPPA.1).exp().exp_m1())
             .sum();
         (value / 3.0).ln_1p().max(1e-300).ln().clamp(LN_KAPPA.0, LN_KAPPA.1)
     }
 
     /// A solution with a lobe more.
-    fn added(&self, last: &Solution, kind: Kind, ln_gamma: f64, height: impl Fn(f64) -> f64) -> (Shape, Vec<f64>) {
+    fn added(&self, last: &Solution, ln_gamma: f64, height: impl Fn(f64) -> f64) -> (Shape, Vec<f64>) {
         let old = &last.shape;
-        let mut kinds = old.kinds.clone();
-        kinds.push(kind);
-        let shape = self.shape(kinds, old.n_channels);
+        let shape = self.shape(old.n_lobes + 1, old.n_channels);
         let mut x = vec![0.0; shape.n_unknowns()];
         x[..old.n_shared()].copy_from_slice(&last.x[..old.n_shared()]);
         for channel in 0..old.n_channels {
             let (to, from) = (shape.colour(channel, 0), old.colour(channel, 0));
             x[to..to + old.n_block()].copy_from_slice(&last.x[from..from + old.n_block()]);
         }
-        let k = old.n_lobes();
+        let k = old.n_lobes;
         let size = self.sizes.scale;
         for i in 0..size {
             let at = if size > 1 { i as f64 / (size - 1) as f64 } else { 0.5 };
@@ -267,7 +252,6 @@ impl Plan<'_> {
                 x[shape.colour(channel, k) + i] = others / k as f64;
             }
         }
-        let _ = BETA;
         (shape, x)
     }
 }

@@ -7,22 +7,23 @@
 pub struct Observations {
     pub n_nodes: usize,
     pub n_channels: usize,
-    /// `ln cos(theta_h)`, `ln sin(theta_h)` and `cos(theta_d)` of each position.
+    /// `ln cos(theta_h)` and `cos(theta_d)` of each position.
     pub ln_cos: Vec<f64>,
-    pub ln_sin: Vec<f64>,
     pub x: Vec<f64>,
-    /// (node, channel, position): azimuthal factor times cos(2 phi_d), value, and weight; weights add up to one.
+    /// (node, position): azimuthal factor times cos(2 phi_d), and the logarithm that the falloff is a power of.
     pub azimuth: Vec<f64>,
+    pub ln_fall: Vec<f64>,
+    /// (node, channel, position): value, and weight; weights add up to one.
     pub value: Vec<f64>,
     pub weight: Vec<f64>,
 }
 
-/// The arrays of [`Observations::new`], (position,) and (position, node, channel).
+/// The arrays of [`Observations::new`], (position,), (position, node) and (position, node, channel).
 pub struct Given<'a> {
     pub ln_cos: &'a [f64],
-    pub ln_sin: &'a [f64],
     pub x: &'a [f64],
     pub azimuth: &'a [f64],
+    pub ln_fall: &'a [f64],
     pub value: &'a [f64],
     pub weight: &'a [f64],
 }
@@ -42,22 +43,21 @@ impl Observations {
     }
 
     fn picked(given: &Given, order: &[usize], n_nodes: usize, n_channels: usize) -> Self {
-        let width = n_nodes * n_channels;
         let one = |from: &[f64]| order.iter().map(|&i| from[i]).collect();
-        let all = |from: &[f64]| -> Vec<f64> {
+        let all = |from: &[f64], width: usize| -> Vec<f64> {
             (0..width).flat_map(|at| order.iter().map(move |&i| from[i * width + at])).collect()
         };
-        let mut weight = all(given.weight);
+        let mut weight = all(given.weight, n_nodes * n_channels);
         let total: f64 = weight.iter().sum();
         weight.iter_mut().for_each(|w| *w /= total);
         Self {
             n_nodes,
             n_channels,
             ln_cos: one(given.ln_cos),
-            ln_sin: one(given.ln_sin),
             x: one(given.x),
-            azimuth: all(given.azimuth),
-            value: all(given.value),
+            azimuth: all(given.azimuth, n_nodes),
+            ln_fall: all(given.ln_fall, n_nodes),
+            value: all(given.value, n_nodes * n_channels),
             weight,
         }
     }
@@ -90,18 +90,17 @@ impl Observations {
         }
         let mut kept: Vec<usize> = order.into_iter().skip(step / 2).step_by(step).collect();
         kept.sort_unstable();
-        let width = self.n_nodes * self.n_channels;
         let rows = |from: &[f64]| -> Vec<f64> {
+            let width = from.len() / self.len().max(1);
             (0..self.len()).flat_map(|i| (0..width).map(move |at| from[at * self.len() + i])).collect()
         };
-        let (azimuth, value, weight) = (rows(&self.azimuth), rows(&self.value), rows(&self.weight));
         let given = Given {
             ln_cos: &self.ln_cos,
-            ln_sin: &self.ln_sin,
             x: &self.x,
-            azimuth: &azimuth,
-            value: &value,
-            weight: &weight,
+            azimuth: &rows(&self.azimuth),
+            ln_fall: &rows(&self.ln_fall),
+            value: &rows(&self.value),
+            weight: &rows(&self.weight),
         };
         Self::picked(&given, &kept, self.n_nodes, self.n_channels)
     }

@@ -1,15 +1,6 @@
-//! The layout of the unknowns: how many lobes of which kind, and how many coefficients each of their curves has.
+//! The layout of the unknowns: how many lobes, and how many coefficients each of their curves has.
 
 use crate::basis::Basis;
-
-/// What a lobe is a power of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// `cos(theta_h)`: a lobe about the normal.
-    Falling,
-    /// `sin(theta_h)`: a lobe that rises toward the horizon.
-    Rising,
-}
 
 /// Coefficients of each curve of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,14 +11,16 @@ pub struct Sizes {
     pub gamma: usize,
     /// Of beta.
     pub beta: usize,
+    /// Of the falloff.
+    pub falloff: usize,
     /// Of what each channel adds to `ln kappa`; one channel has none.
     pub colour: usize,
 }
 
-/// Unknowns in this order: for each lobe scale, gamma and beta; then for each channel, for each lobe, its colour.
+/// Unknowns in this order: for each lobe scale, gamma, beta and falloff; then for each channel, for each lobe, its colour.
 #[derive(Clone, Debug)]
 pub struct Shape {
-    pub kinds: Vec<Kind>,
+    pub n_lobes: usize,
     pub n_channels: usize,
     pub sizes: Sizes,
 }
@@ -36,19 +29,17 @@ pub struct Shape {
 pub const SCALE: usize = 0;
 pub const GAMMA: usize = 1;
 pub const BETA: usize = 2;
-pub const COLOUR: usize = 3;
-pub const CURVES: usize = 4;
+pub const FALLOFF: usize = 3;
+pub const COLOUR: usize = 4;
+pub const CURVES: usize = 5;
+/// Those that all channels share.
+pub const SHARED: [usize; 4] = [SCALE, GAMMA, BETA, FALLOFF];
 
 impl Shape {
     #[must_use]
-    pub fn n_lobes(&self) -> usize {
-        self.kinds.len()
-    }
-
-    #[must_use]
     pub fn basis(&self, curve: usize) -> Basis {
-        let Sizes { scale, gamma, beta, colour } = self.sizes;
-        Basis { size: [scale, gamma, beta, colour][curve] }
+        let Sizes { scale, gamma, beta, falloff, colour } = self.sizes;
+        Basis { size: [scale, gamma, beta, falloff, colour][curve] }
     }
 
     /// Coefficients of the colour of a lobe in a channel.
@@ -58,18 +49,18 @@ impl Shape {
     }
 
     fn a_lobe(&self) -> usize {
-        self.sizes.scale + self.sizes.gamma + self.sizes.beta
+        SHARED.iter().map(|&curve| self.basis(curve).size).sum()
     }
 
     /// Unknowns that all channels share.
     #[must_use]
     pub fn n_shared(&self) -> usize {
-        self.n_lobes() * self.a_lobe()
+        self.n_lobes * self.a_lobe()
     }
 
     #[must_use]
     pub fn n_block(&self) -> usize {
-        self.n_lobes() * self.n_colour()
+        self.n_lobes * self.n_colour()
     }
 
     #[must_use]
@@ -80,8 +71,7 @@ impl Shape {
     /// First unknown of a shared curve of lobe `k`.
     #[must_use]
     pub fn shared(&self, curve: usize, k: usize) -> usize {
-        let Sizes { scale, gamma, .. } = self.sizes;
-        k * self.a_lobe() + [0, scale, scale + gamma][curve]
+        k * self.a_lobe() + SHARED[..curve].iter().map(|&before| self.basis(before).size).sum::<usize>()
     }
 
     /// First unknown of the colour of lobe `k` in a channel.
@@ -92,10 +82,10 @@ impl Shape {
 
     /// Every curve: which it is, and its first unknown.
     pub fn curves(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let shared = (0..self.n_lobes())
-            .flat_map(move |k| [SCALE, GAMMA, BETA].map(|curve| (curve, self.shared(curve, k))));
+        let shared = (0..self.n_lobes)
+            .flat_map(move |k| SHARED.map(|curve| (curve, self.shared(curve, k))));
         let colours = (0..self.n_channels)
-            .flat_map(move |c| (0..self.n_lobes()).map(move |k| (COLOUR, self.colour(c, k))));
+            .flat_map(move |c| (0..self.n_lobes).map(move |k| (COLOUR, self.colour(c, k))));
         shared.chain(colours.filter(|_| self.n_colour() > 0))
     }
 }

@@ -4,7 +4,7 @@ use dsbrdf_core::estimator::{Loss, Penalty, Prior};
 use dsbrdf_core::growth::{Plan, Solution, refine, with_log_det};
 use dsbrdf_core::levenberg_marquardt::LeastSquares;
 use dsbrdf_core::observations::{Given, Observations as Core};
-use dsbrdf_core::shape::{Kind, Shape, Sizes};
+use dsbrdf_core::shape::{Shape, Sizes};
 use numpy::{PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -19,22 +19,21 @@ pub struct Observations {
     core: Core,
 }
 
-/// Options as Python gives them: sizes (scale, gamma, beta, colour), loss, offsets (channel,), penalty (bend, slope,
+/// Options as Python gives them: sizes (scale, gamma, beta, falloff, colour), loss, offsets (channel,), penalty (bend, slope,
 /// size), and the independent observations that the data are worth.
 #[derive(FromPyObject)]
 pub struct Options {
-    sizes: (usize, usize, usize, usize),
+    sizes: (usize, usize, usize, usize, usize),
     loss: String,
     offset: Vec<f64>,
     penalty: (f64, f64, f64),
     n_effective: f64,
-    rising: bool,
 }
 
 impl Options {
     fn plan(&self, n_channels: usize) -> PyResult<Plan<'_>> {
-        let (scale, gamma, beta, colour) = self.sizes;
-        if [scale, gamma, beta, colour].contains(&0) {
+        let (scale, gamma, beta, falloff, colour) = self.sizes;
+        if [scale, gamma, beta, falloff, colour].contains(&0) {
             return Err(PyValueError::new_err("a curve must have a coefficient at least."));
         }
         if self.offset.len() != n_channels {
@@ -54,12 +53,11 @@ impl Options {
         };
         let (bend, slope, size) = self.penalty;
         Ok(Plan {
-            sizes: Sizes { scale, gamma, beta, colour },
+            sizes: Sizes { scale, gamma, beta, falloff, colour },
             loss,
             offset: &self.offset,
             penalty: Penalty { bend, slope, size },
             n_effective: self.n_effective,
-            rising: self.rising,
         })
     }
 }
@@ -69,9 +67,9 @@ impl Observations {
     #[new]
     fn new(
         ln_cos: PyReadonlyArrayDyn<'_, f64>,
-        ln_sin: PyReadonlyArrayDyn<'_, f64>,
         x: PyReadonlyArrayDyn<'_, f64>,
         azimuth: PyReadonlyArrayDyn<'_, f64>,
+        ln_fall: PyReadonlyArrayDyn<'_, f64>,
         value: PyReadonlyArrayDyn<'_, f64>,
         weight: PyReadonlyArrayDyn<'_, f64>,
     ) -> PyResult<Self> {
@@ -82,9 +80,9 @@ impl Observations {
         };
         let given = Given {
             ln_cos: shaped(&ln_cos, &[n], "ln_cos")?,
-            ln_sin: shaped(&ln_sin, &[n], "ln_sin")?,
             x: shaped(&x, &[n], "x")?,
-            azimuth: shaped(&azimuth, &shape, "azimuth")?,
+            azimuth: shaped(&azimuth, &shape[..2], "azimuth")?,
+            ln_fall: shaped(&ln_fall, &shape[..2], "ln_fall")?,
             value: elements(&value, "value")?,
             weight: shaped(&weight, &shape, "weight")?,
         };
@@ -115,21 +113,20 @@ impl Observations {
         found.into_iter().map(|s| to_dict(py, s)).collect()
     }
 
-    /// The fit from `x` with lobes that rise or not.
-    #[pyo3(signature = (options, rising, x, *, iterations, tolerance, prior=None))]
+    /// The fit of `n_lobes` lobes from `x`.
+    #[pyo3(signature = (options, n_lobes, x, *, iterations, tolerance, prior=None))]
     fn refine<'py>(
         &self,
         py: Python<'py>,
         options: Options,
-        rising: Vec<bool>,
+        n_lobes: usize,
         x: Vec<f64>,
         iterations: usize,
         tolerance: f64,
         prior: Option<(Vec<f64>, Vec<f64>)>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let plan = options.plan(self.core.n_channels)?;
-        let kinds = rising.iter().map(|&r| if r { Kind::Rising } else { Kind::Falling }).collect();
-        let shape = Shape { kinds, n_channels: self.core.n_channels, sizes: plan.sizes };
+        let shape = Shape { n_lobes, n_channels: self.core.n_channels, sizes: plan.sizes };
         let p = shape.n_unknowns();
         if x.len() != p {
             return Err(PyValueError::new_err(format!("'x' must have shape ({p},), got ({},).", x.len())));
@@ -153,12 +150,11 @@ impl Observations {
         &self,
         py: Python<'py>,
         options: Options,
-        rising: Vec<bool>,
+        n_lobes: usize,
         x: Vec<f64>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
         let plan = options.plan(self.core.n_channels)?;
-        let kinds = rising.iter().map(|&r| if r { Kind::Rising } else { Kind::Falling }).collect();
-        let shape = Shape { kinds, n_channels: self.core.n_channels, sizes: plan.sizes };
+        let shape = Shape { n_lobes, n_channels: self.core.n_channels, sizes: plan.sizes };
         let (cost, gradient, hessian) = pool::run(py, || {
             let mut problem = plan.problem(&self.core, shape, None);
             let cost = problem.cost(&x);
@@ -172,8 +168,7 @@ impl Observations {
 
 fn to_dict(py: Python<'_>, solution: Solution) -> PyResult<Bound<'_, PyDict>> {
     let result = PyDict::new(py);
-    let rising: Vec<bool> = solution.shape.kinds.iter().map(|&kind| kind == Kind::Rising).collect();
-    result.set_item("rising", rising)?;
+    result.set_item("n_lobes", solution.shape.n_lobes)?;
     result.set_item("x", PyArray1::from_vec(py, solution.x))?;
     result.set_item("squares", solution.squares)?;
     result.set_item("objective", solution.objective)?;
