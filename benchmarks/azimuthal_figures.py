@@ -31,9 +31,9 @@ from azimuthal_forms import (
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 
-from dsbrdf import metrics
-from dsbrdf.fit_measured import fit_profiles
-from dsbrdf.reflectance import ggx
+from dsbrdf.measured.reflectance import ggx
+from dsbrdf.paper import metrics
+from dsbrdf.paper.fit_measured import fit_profiles
 
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#777777"
 BROWN = "#8a3c00"

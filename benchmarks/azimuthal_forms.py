@@ -29,13 +29,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _core, half_diff, metrics
-from dsbrdf.fit_measured import fit_profiles
-from dsbrdf.measured.brdf import cell_angles
-from dsbrdf.measured.merl import read_merl
-from dsbrdf.measured.rgl import read_rgl
-from dsbrdf.reflectance import coated, ggx, oren_nayar
-from dsbrdf.slices import MIN_THETA_H, SliceProfile, slice_mask, slice_rows
+from dsbrdf import _core, half_diff
+from dsbrdf.geometry.grids import cell_angles
+from dsbrdf.measured.formats.merl import read_merl
+from dsbrdf.measured.formats.rgl import read_rgl
+from dsbrdf.measured.reflectance import coated, ggx, oren_nayar
+from dsbrdf.paper import metrics
+from dsbrdf.paper.collapse import MIN_THETA_H, SliceProfile, slice_mask, slice_rows
+from dsbrdf.paper.fit_measured import fit_profiles
 
 Array = NDArray[np.float64]
 Form = Callable[[Array, Array], Array]

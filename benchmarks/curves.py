@@ -23,12 +23,13 @@ from pathlib import Path
 import numpy as np
 
 import dsbrdf
-from dsbrdf import DSBRDF, curves, metrics
-from dsbrdf.components import roughness
-from dsbrdf.curves import CurveBasis, Curves
-from dsbrdf.fit_measured import fit_profiles
-from dsbrdf.fit_splines import fit_curves
-from dsbrdf.slices import stack_profiles
+from dsbrdf import DSBRDF
+from dsbrdf.fitting.fit_splines import fit_curves
+from dsbrdf.model.components import roughness
+from dsbrdf.paper import curves, metrics
+from dsbrdf.paper.collapse import stack_profiles
+from dsbrdf.paper.curves import CurveBasis, Curves
+from dsbrdf.paper.fit_measured import fit_profiles
 
 N_LOBES = 3
 KINDS = {"plain": False, "azimuthal": True}

@@ -13,7 +13,7 @@ import numpy as np
 
 import dsbrdf
 from dsbrdf import half_diff
-from dsbrdf.evaluation import evaluate_any
+from dsbrdf.model.evaluation import evaluate_any
 
 
 def look_up(measured, wi, wo):

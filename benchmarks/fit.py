@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 
 import dsbrdf
-from dsbrdf import materials
-from dsbrdf.fit_measured import fit_profiles
+from dsbrdf.measured import built_in
+from dsbrdf.paper.fit_measured import fit_profiles
 
 N_LOBES = 3
 ONE_FILE = """
@@ -132,7 +132,7 @@ def main() -> None:
         folder = args.folder
         if folder is None:
             folder = Path(made)
-            for name in materials.names():
+            for name in built_in.names():
                 dsbrdf.write_merl(dsbrdf.material(name), folder / f"{name}.binary")
         files = sorted(folder.glob("*.binary"))
         whole_files(files, args.rounds)

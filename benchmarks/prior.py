@@ -6,8 +6,8 @@ FOLDER holds MERL .binary files. All are fitted with three lobes by the logarith
 material that is asked for is left out of the space in turn. Samples are cells of its table, drawn either as pairs of
 directions that are uniform over the hemisphere, or uniformly among cells, which are denser near the peak; noise is
 normal and relative. Errors are over all valid cells of every third theta_d and sixth phi_d: RMS of the logarithm
-(`dsbrdf.metrics.log_rms`), there and within the masks of a fit, and relative RMS. Ten minutes for 100 files and 20
-left out.
+(`dsbrdf.paper.metrics.log_rms`), there and within the masks of a fit, and relative RMS. Ten minutes for 100 files and
+20 left out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import dsbrdf
 from dsbrdf import half_diff
 from dsbrdf.baselines import fit_lambert_ggx
 from dsbrdf.measured import Samples
-from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space import build_space
 
 COUNTS, NOISE = (5, 20, 100, 500), (0.02, 0.1)

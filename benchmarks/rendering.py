@@ -21,6 +21,7 @@ import numpy as np
 import dsbrdf
 from dsbrdf import render
 from dsbrdf.export.rgl import write_rgl
+from dsbrdf.measured import built_in
 from dsbrdf.render import scene
 
 ROUNDS = 7
@@ -77,7 +78,7 @@ def spread(rng, n=100_000):
     """Standard deviation of weights in units of the albedo, mean over channels, against cosine sampling."""
     print("std of weights at 0, 30, 60, 80 degrees / that of cosine sampling")
     context = mi.BSDFContext()
-    for name in dsbrdf.materials.names():
+    for name in built_in.names():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
             model = dsbrdf.fit(dsbrdf.material(name)).model

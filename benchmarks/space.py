@@ -17,8 +17,8 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import dsbrdf
-from dsbrdf.check import check_model
-from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf.model.check import check_model
+from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space import build_space, lobe_fpca
 from dsbrdf.space.correspondence import gamma_norm
 

@@ -9,13 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dsbrdf import half_diff, hemi_epd
     from dsbrdf.batch import Outcome, fit_many
-    from dsbrdf.check import CheckReport, check_model
-    from dsbrdf.curves import CurveBasis, Curves
-    from dsbrdf.fit_measured import ConvergenceWarning, Fit, FitStatus, fit
-    from dsbrdf.fit_splines import fit_curves
-    from dsbrdf.materials import material
+    from dsbrdf.fitting.fit_splines import fit_curves
+    from dsbrdf.geometry import half_diff
     from dsbrdf.measured import (
         MeasuredBRDF,
         MerlFormatError,
@@ -25,10 +21,15 @@ if TYPE_CHECKING:
         tabulate,
         write_merl,
     )
+    from dsbrdf.measured.built_in import material
     from dsbrdf.measured.read import read
-    from dsbrdf.model import DSBRDF
-    from dsbrdf.model_file import ModelFormatError, load
-    from dsbrdf.slices import SliceProfile, slice_profiles
+    from dsbrdf.model import hemi_epd
+    from dsbrdf.model.check import CheckReport, check_model
+    from dsbrdf.model.dsbrdf import DSBRDF
+    from dsbrdf.model.file import ModelFormatError, load
+    from dsbrdf.paper.collapse import SliceProfile, slice_profiles
+    from dsbrdf.paper.curves import CurveBasis, Curves
+    from dsbrdf.paper.fit_measured import ConvergenceWarning, Fit, FitStatus, fit
 
 __version__ = "0.1.0"
 
@@ -64,37 +65,42 @@ __all__ = [
 
 #: Module of each name, imported when the name is first used, so that `import dsbrdf` and help come at once.
 _OWNERS = {
-    "CheckReport": "dsbrdf.check",
-    "ConvergenceWarning": "dsbrdf.fit_measured",
-    "CurveBasis": "dsbrdf.curves",
-    "Curves": "dsbrdf.curves",
-    "DSBRDF": "dsbrdf.model",
-    "Fit": "dsbrdf.fit_measured",
-    "FitStatus": "dsbrdf.fit_measured",
+    "CheckReport": "dsbrdf.model.check",
+    "ConvergenceWarning": "dsbrdf.paper.fit_measured",
+    "CurveBasis": "dsbrdf.paper.curves",
+    "Curves": "dsbrdf.paper.curves",
+    "DSBRDF": "dsbrdf.model.dsbrdf",
+    "Fit": "dsbrdf.paper.fit_measured",
+    "FitStatus": "dsbrdf.paper.fit_measured",
     "MeasuredBRDF": "dsbrdf.measured",
     "MerlFormatError": "dsbrdf.measured",
-    "ModelFormatError": "dsbrdf.model_file",
+    "ModelFormatError": "dsbrdf.model.file",
     "Outcome": "dsbrdf.batch",
     "Samples": "dsbrdf.measured",
-    "SliceProfile": "dsbrdf.slices",
-    "check_model": "dsbrdf.check",
-    "fit": "dsbrdf.fit_measured",
-    "fit_curves": "dsbrdf.fit_splines",
+    "SliceProfile": "dsbrdf.paper.collapse",
+    "check_model": "dsbrdf.model.check",
+    "fit": "dsbrdf.paper.fit_measured",
+    "fit_curves": "dsbrdf.fitting.fit_splines",
     "fit_many": "dsbrdf.batch",
-    "load": "dsbrdf.model_file",
-    "material": "dsbrdf.materials",
+    "load": "dsbrdf.model.file",
+    "material": "dsbrdf.measured.built_in",
     "read": "dsbrdf.measured.read",
     "read_merl": "dsbrdf.measured",
     "read_samples": "dsbrdf.measured",
-    "slice_profiles": "dsbrdf.slices",
+    "slice_profiles": "dsbrdf.paper.collapse",
     "tabulate": "dsbrdf.measured",
     "write_merl": "dsbrdf.measured",
 }
+#: Package of each module that is reached as `dsbrdf.NAME`.
+_MODULES = {"half_diff": "dsbrdf.geometry", "hemi_epd": "dsbrdf.model"}
 
 
 def __getattr__(name: str) -> Any:
     if name in _OWNERS:
         value = globals()[name] = getattr(import_module(_OWNERS[name]), name)
+        return value
+    if name in _MODULES:
+        value = globals()[name] = import_module(f"{_MODULES[name]}.{name}")
         return value
     try:
         return import_module(f"dsbrdf.{name}")

@@ -9,9 +9,11 @@ from typing import Any, ClassVar, Protocol, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _check, half_diff, metrics
-from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.slices import MIN_THETA_H, slice_mask, slice_profiles, slice_rows
+from dsbrdf import _check
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper import metrics
+from dsbrdf.paper.collapse import MIN_THETA_H, slice_mask, slice_profiles, slice_rows
 
 __all__ = [
     "AbstractBaseline",
@@ -29,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class SliceOptions(TypedDict, total=False):
-    """Which samples are fitted or looked at; defaults and meaning as in `dsbrdf.slices.slice_profiles`."""
+    """Which samples are fitted or looked at; defaults and meaning as in `dsbrdf.paper.collapse.slice_profiles`."""
 
     n_slices: int
     min_theta_h: float
@@ -110,7 +112,7 @@ def errors(
     baseline : AbstractBaseline or DSBRDF
     measured : MeasuredBRDF
     n_slices, min_theta_h, perimeter_mask, theta_h_step : optional
-        Which samples; see `dsbrdf.slices.slice_profiles`.
+        Which samples; see `dsbrdf.paper.collapse.slice_profiles`.
 
     Returns
     -------

@@ -8,10 +8,10 @@ from typing import Unpack
 
 import numpy as np
 
-from dsbrdf import half_diff
 from dsbrdf.baselines._base import Array, SliceOptions, slice_table
-from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.slices import slice_rows
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.collapse import slice_rows
 
 __all__ = ["Samples", "gather_samples", "refine"]
 

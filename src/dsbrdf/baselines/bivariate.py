@@ -12,9 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from dsbrdf import half_diff
 from dsbrdf.baselines._base import AbstractBaseline, Array, bilinear, fill_gaps, slice_table
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["Bivariate", "fit_bivariate"]
 
@@ -65,7 +65,7 @@ def fit_bivariate(measured: MeasuredBRDF) -> Bivariate:
     Returns
     -------
     Bivariate
-        Its error over samples of the table is the bivariate floor of `dsbrdf.metrics`.
+        Its error over samples of the table is the bivariate floor of `dsbrdf.paper.metrics`.
 
     Raises
     ------

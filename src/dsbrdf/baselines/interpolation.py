@@ -8,9 +8,9 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from dsbrdf import half_diff
 from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, bilinear, fill_gaps, slice_table
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["Interpolation", "fit_interpolation"]
 
@@ -58,7 +58,7 @@ def fit_interpolation(measured: MeasuredBRDF, **options: Unpack[SliceOptions]) -
     ----------
     measured : MeasuredBRDF
     n_slices, min_theta_h, perimeter_mask, theta_h_step : optional
-        Which samples are kept; see `dsbrdf.slices.slice_profiles`. `theta_h_step` is the factor of Fig. 6.
+        Which samples are kept; see `dsbrdf.paper.collapse.slice_profiles`. `theta_h_step` is the factor of Fig. 6.
 
     Returns
     -------

@@ -8,10 +8,10 @@ from typing import ClassVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import reflectance
 from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, ratio
 from dsbrdf.baselines._samples import Samples, gather_samples
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.measured import reflectance
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["LambertGGX", "fit_lambert_ggx"]
 
@@ -36,7 +36,7 @@ class LambertGGX(AbstractBaseline):
 
     Notes
     -----
-    D and G as in `dsbrdf.reflectance.ggx`. F: Schlick, "An inexpensive BRDF model for physically-based
+    D and G as in `dsbrdf.measured.reflectance.ggx`. F: Schlick, "An inexpensive BRDF model for physically-based
     rendering", Computer Graphics Forum 13(3), 1994.
     """
 
@@ -77,7 +77,7 @@ def fit_lambert_ggx(
     common_alpha : bool, optional
         One width for all channels, as renderers have it, or one for each.
     n_slices, min_theta_h, perimeter_mask, theta_h_step : optional
-        Which samples are fitted; see `dsbrdf.slices.slice_profiles`.
+        Which samples are fitted; see `dsbrdf.paper.collapse.slice_profiles`.
 
     Returns
     -------

@@ -9,7 +9,7 @@ import numpy as np
 
 from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, ratio
 from dsbrdf.baselines._samples import Samples, gather_samples, refine
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["LambertTorranceSparrow", "fit_lambert_torrance_sparrow"]
 
@@ -100,7 +100,7 @@ def fit_lambert_torrance_sparrow(
     ----------
     measured : MeasuredBRDF
     n_slices, min_theta_h, perimeter_mask, theta_h_step : optional
-        Which samples are fitted; see `dsbrdf.slices.slice_profiles`.
+        Which samples are fitted; see `dsbrdf.paper.collapse.slice_profiles`.
 
     Returns
     -------

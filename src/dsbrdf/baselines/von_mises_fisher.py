@@ -7,10 +7,11 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from dsbrdf import _check, half_diff
+from dsbrdf import _check
 from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, blend, slice_table
 from dsbrdf.baselines._samples import refine
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["VonMisesFisher", "fit_von_mises_fisher"]
 
@@ -75,7 +76,7 @@ def fit_von_mises_fisher(
     n_lobes : int, optional
         Lobes in each slice and channel.
     n_slices, min_theta_h, perimeter_mask, theta_h_step : optional
-        Which samples are fitted; see `dsbrdf.slices.slice_profiles`.
+        Which samples are fitted; see `dsbrdf.paper.collapse.slice_profiles`.
 
     Returns
     -------

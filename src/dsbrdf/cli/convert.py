@@ -11,7 +11,7 @@ import typer
 from dsbrdf.cli._app import State, app, check_output, say
 
 if TYPE_CHECKING:
-    from dsbrdf.convert import Conversion
+    from dsbrdf.measured.convert import Conversion
 
 
 #: Share of valid entries below which a table is of little use.
@@ -49,9 +49,9 @@ def convert(
 ) -> None:
     """Convert measured files to another format; print what it loses."""
     from dsbrdf import batch
-    from dsbrdf.convert import KINDS
-    from dsbrdf.convert import convert as convert_file
-    from dsbrdf.measured.nbrdf import npy_set
+    from dsbrdf.measured.convert import KINDS
+    from dsbrdf.measured.convert import convert as convert_file
+    from dsbrdf.measured.formats.nbrdf import npy_set
 
     state: State = context.obj
     names = None if columns is None else columns.split(",")
@@ -86,7 +86,8 @@ def _tell(done: Conversion) -> None:
 
 def _inside(folder: Path) -> list[Path]:
     """The measured files of a folder, or else its model files."""
-    from dsbrdf import batch, model_file
+    from dsbrdf import batch
+    from dsbrdf.model import file as model_file
 
     models = model_file.models_in(folder)
     measured, failures = batch.expand([folder])

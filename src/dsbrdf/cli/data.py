@@ -30,16 +30,20 @@ def list_(
     ] = None,
 ) -> None:
     """Print what can be fetched, and what is here."""
-    from dsbrdf import data, report
+    from dsbrdf.fitting import report
+    from dsbrdf.measured import databases
 
     if database is None:
         report.print_databases(
-            list(data.DATABASES.values()), {name: data.fetched(name) for name in data.DATABASES}
+            list(databases.DATABASES.values()),
+            {name: databases.fetched(name) for name in databases.DATABASES},
         )
         return
-    of = data.DATABASES[database.value]
-    here = {path.name for path in data.fetched(of.name)}
-    names = of.names or sorted(path.name.removesuffix(of.file.format("")) for path in data.fetched(of.name))
+    of = databases.DATABASES[database.value]
+    here = {path.name for path in databases.fetched(of.name)}
+    names = of.names or sorted(
+        path.name.removesuffix(of.file.format("")) for path in databases.fetched(of.name)
+    )
     for name in names:
         print(f"{name} (here)" if of.file.format(name) in here else name)
     if not of.names:
@@ -56,14 +60,14 @@ def fetch(
     url: Annotated[str | None, typer.Option(metavar="URL", help="Address of a mirror.")] = None,
 ) -> None:
     """Download materials, print their licence and where they are."""
-    from dsbrdf import data
+    from dsbrdf.measured import databases
 
-    of = data.DATABASES[database.value]
+    of = databases.DATABASES[database.value]
     print(
         f"{of.title}\nLicence: {of.licence}\nSource: {of.page}\nPlease cite: {of.citation}", file=sys.stderr
     )
     with _progress() as told:
-        paths = data.fetch(of.name, names or (), url=url, told=told)
+        paths = databases.fetch(of.name, names or (), url=url, told=told)
     for path in paths:
         print(path)
 
@@ -71,9 +75,9 @@ def fetch(
 @commands.command("path")
 def path() -> None:
     """Print the folder of the databases."""
-    from dsbrdf import data
+    from dsbrdf.measured import databases
 
-    print(data.folder())
+    print(databases.folder())
 
 
 @contextlib.contextmanager

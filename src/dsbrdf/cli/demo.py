@@ -21,15 +21,16 @@ def demo(
     ] = False,
 ) -> None:
     """Fit the built-in materials; write models and plots."""
-    from dsbrdf import demo as demonstration
-    from dsbrdf import materials, report
+    from dsbrdf.cli import _demo as demonstration
+    from dsbrdf.fitting import report
+    from dsbrdf.measured import built_in
 
     check_folder(out)
     missing = missing_plots()
     if missing:
         say(f"note: no plots: {missing}")
     state: State = context.obj
-    with report.progress(len(materials.names()) + (not missing)) as step:
+    with report.progress(len(built_in.names()) + (not missing)) as step:
         rows = demonstration.run(out, plots=not missing, step=state.announce(step))
     written = "models" if missing else f"models and plots (all materials: {demonstration.OVERVIEW})"
     report.print_demo(rows, f"{written} in {out}")

@@ -27,8 +27,8 @@ def export(
     ] = None,
 ) -> None:
     """Parse, call, print."""
-    from dsbrdf import model_file
     from dsbrdf.export import export as write
+    from dsbrdf.model import file as model_file
 
     if to not in FORMATS:
         raise typer.BadParameter(f"expected one of {', '.join(FORMATS)}, got {to!r}.", param_hint="'--to'")

@@ -99,7 +99,9 @@ def fit(
     ] = False,
 ) -> None:
     """Fit measured BRDFs; print how good the fits are."""
-    from dsbrdf import batch, energy, report
+    from dsbrdf import batch
+    from dsbrdf.fitting import report
+    from dsbrdf.model import energy
 
     if plot and out is None:
         raise typer.BadParameter("plots need a folder: add -o DIR.", param_hint="'--plot'")
@@ -168,7 +170,7 @@ def fit(
 
 
 def _lobe_count(text: str) -> int | str:
-    from dsbrdf.fit_measured import MAX_LOBES
+    from dsbrdf.paper.fit_measured import MAX_LOBES
 
     if text == "auto":
         return text

@@ -15,6 +15,7 @@ def info(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="A file that fit or demo wrote.")],
 ) -> None:
     """Print what a model file holds."""
-    from dsbrdf import model_file, report
+    from dsbrdf.fitting import report
+    from dsbrdf.model import file as model_file
 
     report.print_model(model_file.load(model))

@@ -25,7 +25,8 @@ def paper_figures(
     ] = Path("dsbrdf-paper"),
 ) -> None:
     """Make the figures of Nishino and Lombardi (2011), and put their claims beside our numbers."""
-    from dsbrdf import paper, report
+    from dsbrdf import paper
+    from dsbrdf.fitting import report
 
     check_folder(out)
     state: State = context.obj

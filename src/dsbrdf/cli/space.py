@@ -11,7 +11,7 @@ import typer
 from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say
 
 if TYPE_CHECKING:
-    from dsbrdf.model import DSBRDF
+    from dsbrdf.model.dsbrdf import DSBRDF
     from dsbrdf.space import MaterialSpace
 
 space = typer.Typer(no_args_is_help=True, help="The space of materials: build, search, blend, move and draw.")
@@ -67,7 +67,7 @@ def build(
     ] = None,
 ) -> None:
     """Build a space of materials."""
-    from dsbrdf import report
+    from dsbrdf.fitting import report
     from dsbrdf.space import build_space
     from dsbrdf.view import view as write_page
 
@@ -95,7 +95,7 @@ def plot(
         raise ModuleNotFoundError(missing)
     check_folder(out)
     made = _load(path)
-    from dsbrdf import report
+    from dsbrdf.fitting import report
     from dsbrdf.space import plot as figures
 
     with report.progress(len(figures.FIGURES)) as step:
@@ -111,7 +111,7 @@ def nearest(
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 5,
 ) -> None:
     """Print the materials of a space that are nearest to a model."""
-    from dsbrdf import report
+    from dsbrdf.fitting import report
 
     made = _load(path)
     report.print_nearest(made.nearest(_material(made, model), n))
@@ -164,7 +164,9 @@ def sample(
 
 def _open(targets: list[str], out: Path, state: State, azimuthal: bool) -> list[DSBRDF]:
     """Models, in the order given; what is measured is fitted in the way that is best for spaces (record 0011)."""
-    from dsbrdf import batch, model_file, report
+    from dsbrdf import batch
+    from dsbrdf.fitting import report
+    from dsbrdf.model import file as model_file
     from dsbrdf.space import FIT
     from dsbrdf.view import collect
 
@@ -197,7 +199,7 @@ def _load(path: Path) -> MaterialSpace:
 
 
 def _material(made: MaterialSpace, name: str) -> DSBRDF:
-    from dsbrdf import model_file
+    from dsbrdf.model import file as model_file
 
     if name in made.names and not Path(name).exists():
         return made.material(name)

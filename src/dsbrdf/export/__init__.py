@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dsbrdf.model import DSBRDF
+    from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["FORMATS", "Format", "export"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dsbrdf import _files, shader
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["write_glsl"]
 

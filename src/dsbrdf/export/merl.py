@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dsbrdf.export._channels import require_rgb
 from dsbrdf.measured import tabulate, write_merl
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["write"]
 

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files, half_diff
+from dsbrdf import _files
 from dsbrdf.export._channels import require_rgb
-from dsbrdf.model import DSBRDF
+from dsbrdf.geometry import half_diff
+from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["gltf", "principled", "write_gltf", "write_principled"]
 

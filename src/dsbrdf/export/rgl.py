@@ -1,6 +1,6 @@
 """Write a reflectance as a measured material of the RGL database, which stock renderers load.
 
-Mitsuba 3 (its `measured` plugin) and pbrt-v4 read these files, which `dsbrdf.measured.rgl` explains and reads.
+Mitsuba 3 (its `measured` plugin) and pbrt-v4 read these files, which `dsbrdf.measured.formats.rgl` explains and reads.
 Dupuy and Jakob, *An Adaptive Parameterization for Efficient Material Acquisition and Rendering*, ACM Trans. Graph.
 37(6), 2018.
 
@@ -22,19 +22,19 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files, half_diff
+from dsbrdf import _files
 from dsbrdf.export import spectrum
 from dsbrdf.export._channels import require_rgb
-from dsbrdf.measured.tensor_file import write_tensor_file
+from dsbrdf.geometry import half_diff
+from dsbrdf.geometry.colour import LUMINANCE
+from dsbrdf.measured.formats.tensor_file import write_tensor_file
 
-__all__ = ["FORMS", "LUMINANCE", "Reflectance", "write_rgl"]
+__all__ = ["FORMS", "Reflectance", "write_rgl"]
 
 Array = NDArray[np.float64]
 
 #: What the channels of a file are, and its nodes in theta_i and along a side of the table.
 FORMS = {"rgb": (64, 72), "spectral": (48, 52)}
-#: Luminance of linear sRGB (Rec. 709).
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 #: Nodes of D and sigma, and of the density over u and v.
 N_DISTRIBUTION = 4096
 N_SIGMA = 256

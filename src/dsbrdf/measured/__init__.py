@@ -1,9 +1,16 @@
-"""Measured reflectance: one reader a file format, all giving a `MeasuredBRDF` or `Samples`."""
+"""Measured reflectance, from a file, a database or a formula, as a `MeasuredBRDF` or as `Samples`.
 
-from dsbrdf.measured.brdf import MeasuredBRDF, Source, tabulate
-from dsbrdf.measured.merl import MerlFormatError, read_merl, write_merl
+Read `source` (where a measurement came from), `table` (a BRDF tabulated over half and difference angles) and `samples`
+(pairs of directions) first. `lookup` evaluates a table between its cells. `read` opens a file of any format with one of
+the readers in `formats`. `reflectance` and `built_in` make materials from formulas, `databases` and `_download` fetch
+measured ones, and `convert` takes one format to another.
+"""
+
+from dsbrdf.measured.formats.merl import MerlFormatError, read_merl, write_merl
 from dsbrdf.measured.read import read, read_samples
 from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.source import Source
+from dsbrdf.measured.table import MeasuredBRDF, tabulate
 
 __all__ = [
     "MeasuredBRDF",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import half_diff
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["evaluate", "fill_invalid"]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dsbrdf import _files
-from dsbrdf.measured import merl
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.measured.formats import merl
+from dsbrdf.measured.formats.text_file import is_text
 from dsbrdf.measured.samples import Samples
-from dsbrdf.measured.text_file import is_text
+from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["read", "read_samples"]
 
@@ -60,24 +60,24 @@ def read(
     if merl.is_merl(head):
         return merl.read_merl(path, convention=convention)
     if head.startswith(b"tensor_file\0"):
-        from dsbrdf.measured.rgl import read_rgl_table
+        from dsbrdf.measured.formats.rgl import read_rgl_table
 
         return read_rgl_table(path, convention=convention)
     if head.startswith(b"PK\x03\x04"):
-        from dsbrdf.measured.array_file import read_npz
+        from dsbrdf.measured.formats.array_file import read_npz
 
         return read_npz(path, convention=convention)
     if head.startswith(b"\x93NUMPY"):
-        from dsbrdf.measured import array_file, nbrdf
+        from dsbrdf.measured.formats import array_file, nbrdf
 
         is_network = nbrdf.npy_set(path) is not None
         return (nbrdf.read_nbrdf if is_network else array_file.read_npy)(path, convention=convention)
     if head.startswith(b"\x89HDF\r\n"):
-        from dsbrdf.measured.nbrdf import read_nbrdf
+        from dsbrdf.measured.formats.nbrdf import read_nbrdf
 
         return read_nbrdf(path, convention=convention)
     if head.startswith((b"\x89PNG", b"\x76\x2f\x31\x01")):
-        from dsbrdf.measured.image_file import read_image
+        from dsbrdf.measured.formats.image_file import read_image
 
         return read_image(path, convention=convention)
     return _read_rest(path, head, size)
@@ -104,7 +104,7 @@ def read_samples(path: str | Path, columns: Sequence[str] | None = None) -> Samp
     OSError
         If the file cannot be read.
     """
-    from dsbrdf.measured.text_file import read_text
+    from dsbrdf.measured.formats.text_file import read_text
 
     path = Path(path)
     _files.regular_size(path)
@@ -114,7 +114,7 @@ def read_samples(path: str | Path, columns: Sequence[str] | None = None) -> Samp
         return read_text(path, columns)
     if columns is not None:
         raise ValueError(f"{path}: names of columns are for text; a .npz file names its arrays itself.")
-    from dsbrdf.measured.array_file import read_npz
+    from dsbrdf.measured.formats.array_file import read_npz
 
     samples = read_npz(path)
     if not isinstance(samples, Samples):
@@ -123,7 +123,7 @@ def read_samples(path: str | Path, columns: Sequence[str] | None = None) -> Samp
 
 
 def _read_folder(path: Path, convention: str) -> MeasuredBRDF:
-    from dsbrdf.measured import nbrdf
+    from dsbrdf.measured.formats import nbrdf
 
     if nbrdf.npy_set(path) is None:
         raise ValueError(
@@ -143,7 +143,7 @@ def _read_rest(path: Path, head: bytes, size: int) -> MeasuredBRDF | Samples:
     if head.lstrip()[:1] in (b"{", b"["):
         raise ValueError(f"{path}: JSON, not a measurement. A model file is read by dsbrdf.load.")
     if is_text(head):
-        from dsbrdf.measured.text_file import read_text
+        from dsbrdf.measured.formats.text_file import read_text
 
         return read_text(path)
     raise ValueError(

@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _check, half_diff
-from dsbrdf.measured.brdf import Source
+from dsbrdf import _check
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.source import Source
 
 Array: TypeAlias = NDArray[np.float64]
 __all__ = ["SKIPPED", "Samples", "samples_from_columns"]

@@ -1,7 +1,11 @@
-"""The paper's figures and claims on any set of materials: what `dsbrdf paper` runs.
+"""The paper's experiment, to the letter, and its figures and claims on any set of materials.
 
-`run` makes the figures as the paper draws them, a table of all materials, and a report that puts each claim
-beside our number. Figures need the extra `[plot]`; Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
+First the method: `collapse` reduces a table to slices, `curves` holds parameters as splines over theta_d, `metrics`
+measures errors, `spike` is the delta term, `fit_slices` fits lobes to slices, `williams` and `selection` choose their
+number, and `fit_report` and `fit_measured` put these together to `fit`. Then what `dsbrdf paper` runs: `run` makes the
+figures as the paper draws them, a table of all materials, and a report that puts each claim beside our number, from
+`tables`, `profiles`, `survey`, `accuracy`, `subsampling`, `spheres`, `spaces`, `claims` and `report`. Figures need the
+extra `[plot]`; Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsbrdf import hemi_epd
-from dsbrdf.fit_measured import Fit
+from dsbrdf.model import hemi_epd
+from dsbrdf.paper.fit_measured import Fit
 from dsbrdf.paper.tables import Tables, paper_fit
 
 if TYPE_CHECKING:
@@ -77,12 +77,12 @@ def lobe_profiles(tables: Tables) -> Figure:
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG2, len(FIG2))]
     with matplotlib.rc_context(plot.STYLE):
-        figure, grid = plot._grid(2, len(fits), left=0.75, right=1.35, top=0.45, bottom=0.55)
+        figure, grid = plot.model._grid(2, len(fits), left=0.75, right=1.35, top=0.45, bottom=0.55)
         for column, fit in zip(grid.T, fits, strict=True):
             channel = int(fit.errors.energy[0].argmax())
-            plane = plot._plane(fit, 0)
-            plot._draw_channels(column[0], plane)
-            plot._draw_lobes(column[1], plane, channel)
+            plane = plot.model._plane(fit, 0)
+            plot.model._draw_channels(column[0], plane)
+            plot.model._draw_lobes(column[1], plane, channel)
             column[0].set_title(f"{fit.model.name}, error {_slice_error(fit, 0)}")
             for axes in column:
                 _finish(axes, fit, plane)
@@ -103,13 +103,13 @@ def slice_profiles(tables: Tables) -> Figure:
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG3, len(FIG3))]
     with matplotlib.rc_context(plot.STYLE):
-        figure, grid = plot._grid(len(fits), len(THETA_D), left=0.75, right=1.35, top=0.45, bottom=0.55)
+        figure, grid = plot.model._grid(len(fits), len(THETA_D), left=0.75, right=1.35, top=0.45, bottom=0.55)
         figure.subplots_adjust(hspace=0.28)
         for row, fit in zip(grid, fits, strict=True):
-            shown = plot._shown_rows(fit, [float(angle) for angle in np.deg2rad(THETA_D)])
+            shown = plot.model._shown_rows(fit, [float(angle) for angle in np.deg2rad(THETA_D)])
             for axes, index in zip(row, shown, strict=False):
-                plane = plot._plane(fit, index)
-                plot._draw_channels(axes, plane)
+                plane = plot.model._plane(fit, index)
+                plot.model._draw_channels(axes, plane)
                 _finish(axes, fit, plane)
                 nearest = int(np.abs(fit.model.theta_d - plane.theta_d).argmin())
                 axes.set_title(
@@ -128,9 +128,9 @@ def _slice_error(fit: Fit, index: int) -> str:
 def _finish(axes: Any, fit: Fit, plane: Any) -> None:
     from dsbrdf import plot
 
-    plot._decades(axes, plane.values[np.isfinite(plane.values)])
-    plot._root_axis(axes)
-    plot._shade_unfitted(axes, fit, plane.theta_d)
+    plot.model._decades(axes, plane.values[np.isfinite(plane.values)])
+    plot.model._root_axis(axes)
+    plot.model._shade_unfitted(axes, fit, plane.theta_d)
     axes.grid(True)
 
 

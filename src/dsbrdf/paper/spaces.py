@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 
-from dsbrdf.fit_measured import ConvergenceWarning, fit
+from dsbrdf.paper.fit_measured import ConvergenceWarning, fit
 from dsbrdf.paper.tables import Tables
 from dsbrdf.space import MaterialSpace, build_space
 

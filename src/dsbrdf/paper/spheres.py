@@ -12,7 +12,7 @@ from dsbrdf.paper.tables import Tables, paper_fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dsbrdf.fit_measured import Fit
+    from dsbrdf.paper.fit_measured import Fit
     from dsbrdf.render.comparison import Subject
     from dsbrdf.render.picture import Row
 
@@ -113,13 +113,13 @@ def _profiles(figure: Figure, grid: Any, fit: Fit) -> None:
     """The slice theta_d = 0: all channels, and the lobes of the brightest."""
     from dsbrdf import plot
 
-    plane = plot._plane(fit, 0)
+    plane = plot.model._plane(fit, 0)
     left, right = figure.add_subplot(grid[0, 4:7]), figure.add_subplot(grid[0, 8:11])
-    plot._draw_channels(left, plane, size=2.6)
-    plot._draw_lobes(right, plane, int(fit.errors.energy[0].argmax()))
+    plot.model._draw_channels(left, plane, size=2.6)
+    plot.model._draw_lobes(right, plane, int(fit.errors.energy[0].argmax()))
     for axes, title in ((left, r"$\theta_d$ = 0°, BRDF (1/sr)"), (right, "lobes")):
         axes.set_ylim(0.0, 1.1 * max(np.nanmax(plane.values), np.nanmax(plane.curves)))
-        plot._root_axis(axes, (-90, -30, -10, 0, 10, 30, 90))
+        plot.model._root_axis(axes, (-90, -30, -10, 0, 10, 30, 90))
         axes.set_title(title, fontsize=8)
         axes.grid(True)
         axes.tick_params(labelsize=7)

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsbrdf import baselines, metrics
+from dsbrdf import baselines
 from dsbrdf.baselines.interpolation import Interpolation
-from dsbrdf.fit_measured import fit_profiles
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper import metrics
+from dsbrdf.paper.collapse import SliceProfile, slice_profiles
+from dsbrdf.paper.fit_measured import fit_profiles
+from dsbrdf.paper.selection import select_lobes
 from dsbrdf.paper.tables import Tables
-from dsbrdf.selection import select_lobes
-from dsbrdf.slices import SliceProfile, slice_profiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

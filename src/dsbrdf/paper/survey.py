@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dsbrdf import _files, baselines
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper.tables import Tables, paper_fit
 
 __all__ = ["Row", "Shapes", "compare_shapes", "markdown", "measure", "median", "survey", "write_csv"]

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dsbrdf import materials
-from dsbrdf.fit_measured import ConvergenceWarning, Fit, fit
-from dsbrdf.measured import read_merl
-from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.slices import slice_profiles
+from dsbrdf.measured import built_in, read_merl
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.collapse import slice_profiles
+from dsbrdf.paper.fit_measured import ConvergenceWarning, Fit, fit
 
 __all__ = ["Tables", "open_tables", "paper_fit"]
 
@@ -74,7 +73,7 @@ def open_tables(data: Path | None) -> Tables:
         If there is no such folder, or no readable .binary file in it.
     """
     if data is None:
-        return Tables("built-in materials", materials.names(), lru_cache(maxsize=3)(materials.material))
+        return Tables("built-in materials", built_in.names(), lru_cache(maxsize=3)(built_in.material))
     if not data.is_dir():
         raise ValueError(f"{data}: no such folder. Give a folder of MERL .binary files.")
     files, skipped = {}, []

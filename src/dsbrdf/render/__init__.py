@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.model import DSBRDF
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.render import measured_bsdf, mitsuba_bsdf
 from dsbrdf.render.variants import RenderError, choose, import_mitsuba, missing_plugin
 

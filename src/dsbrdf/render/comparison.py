@@ -12,14 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dsbrdf import baselines, batch, model_file
-from dsbrdf.fit_measured import ConvergenceWarning, fit
-from dsbrdf.measured.brdf import MeasuredBRDF
-from dsbrdf.model import DSBRDF
+from dsbrdf import baselines, batch
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.model import file as model_file
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.collapse import N_SLICES
+from dsbrdf.paper.fit_measured import ConvergenceWarning, fit
 from dsbrdf.render import picture, quality
 from dsbrdf.render.picture import Row, Tile
 from dsbrdf.render.scene import Reflectance, View, check_channels, render
-from dsbrdf.slices import N_SLICES
 
 __all__ = [
     "Subject",

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.render.variants import import_mitsuba
 
 __all__ = ["LOG2_E", "MAX_EXPONENT", "Pair", "exp2", "exp2m1", "log2_cos", "packets", "pair"]

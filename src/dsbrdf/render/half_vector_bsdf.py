@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from dsbrdf.paper.spike import SIN2_WIDTH
 from dsbrdf.render import drjit_math
 from dsbrdf.render.sampling_tables import COSINE, N_ROWS, SamplingTables
 from dsbrdf.render.variants import import_mitsuba, once_a_variant
-from dsbrdf.spike import SIN2_WIDTH
 
 __all__ = ["base_class"]
 

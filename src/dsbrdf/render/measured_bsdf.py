@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf.fit_measured import ConvergenceWarning, fit
+from dsbrdf.geometry.grids import CONVENTIONS, cell_angles
 from dsbrdf.measured import read
-from dsbrdf.measured.brdf import CONVENTIONS, MeasuredBRDF, cell_angles, tabulate
 from dsbrdf.measured.lookup import evaluate, fill_invalid
+from dsbrdf.measured.table import MeasuredBRDF, tabulate
+from dsbrdf.paper.fit_measured import ConvergenceWarning, fit
 from dsbrdf.render import drjit_math
 from dsbrdf.render.half_vector_bsdf import base_class
 from dsbrdf.render.sampling_tables import sampling_tables

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf import evaluation, model_file
-from dsbrdf.model import DSBRDF
+from dsbrdf.model import evaluation
+from dsbrdf.model import file as model_file
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.spike import SIN2_WIDTH
 from dsbrdf.render import drjit_math
 from dsbrdf.render.half_vector_bsdf import base_class
 from dsbrdf.render.sampling_tables import sampling_tables
 from dsbrdf.render.variants import import_mitsuba, once_a_variant
-from dsbrdf.spike import SIN2_WIDTH
 
 __all__ = ["PLUGIN", "dsbrdf_class", "to_dict"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
-from dsbrdf.export.rgl import LUMINANCE
+from dsbrdf.geometry.colour import LUMINANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from dsbrdf import half_diff, spike
+from dsbrdf.geometry import half_diff
+from dsbrdf.paper import spike
 
 __all__ = ["COSINE", "N_ROWS", "SPIKE", "SamplingTables", "sampling_tables"]
 

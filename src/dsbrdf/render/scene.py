@@ -10,8 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.measured.brdf import SHAPE, MeasuredBRDF, tabulate
-from dsbrdf.model import DSBRDF
+from dsbrdf.geometry.grids import SHAPE
+from dsbrdf.measured.table import MeasuredBRDF, tabulate
+from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.render import lighting, variants
 
 __all__ = ["Reflectance", "View", "check_channels", "render", "world"]

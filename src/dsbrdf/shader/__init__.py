@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import half_diff, hemi_epd, sampling, spike
 from dsbrdf.export._channels import require_rgb
+from dsbrdf.geometry import half_diff
+from dsbrdf.model import hemi_epd, sampling
+from dsbrdf.paper import spike
 
 if TYPE_CHECKING:
-    from dsbrdf.model import DSBRDF
+    from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["baked", "sources"]
 

@@ -1,4 +1,4 @@
-// The model in GLSL (1.30, 4.10, ES 3.00), as dsbrdf.evaluation and dsbrdf.sampling have it in Python.
+// The model in GLSL (1.30, 4.10, ES 3.00), as dsbrdf.model.evaluation and dsbrdf.model.sampling have it in Python.
 //
 //   vec3 dsbrdf_eval(vec3 wi, vec3 wo)     values, 1/sr, without the cosine
 //   vec3 dsbrdf_sample(vec3 wo, vec3 u)    a direction toward the light, of three uniform numbers in [0, 1)

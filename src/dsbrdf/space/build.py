@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.curves import CurveBasis
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.curves import CurveBasis
 from dsbrdf.space.correspondence import gamma_norm, lobe_slots, pad, two_class_border
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.material_space import MaterialSpace

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.curves import CurveBasis
+from dsbrdf.paper.curves import CurveBasis
 
 __all__ = ["CORRESPONDENCES", "gamma_norm", "lobe_slots", "pad", "two_class_border"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
-from dsbrdf.curves import CurveBasis
+from dsbrdf.paper.curves import CurveBasis
 
 __all__ = ["Fpca", "fit_fpca", "squared_norm"]
 

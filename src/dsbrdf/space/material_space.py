@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.check import ALBEDO_ANGLES
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.check import ALBEDO_ANGLES
+from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space.correspondence import gamma_norm, lobe_slots, pad
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.settings import SpaceSettings, check_channels, check_convention

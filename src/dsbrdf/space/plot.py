@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
 
-from dsbrdf import plot, sphere
-from dsbrdf.model import DSBRDF
+from dsbrdf import plot
+from dsbrdf.model import sphere
+from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space.build import lobe_fpca
 from dsbrdf.space.material_space import MaterialSpace
 
@@ -182,7 +183,7 @@ def principal_figure(space: MaterialSpace) -> Figure:
             for symbol, axes in zip(("kappa", "gamma"), row[[-3, -1]], strict=True):
                 _draw_functions(axes, space, moved, channel, theta_d, symbol)
                 if k == 0:
-                    name = plot._channels(space.n_channels)[channel][0]
+                    name = plot.model._channels(space.n_channels)[channel][0]
                     axes.set_title(rf"$\{symbol}$ of each lobe, {name}")
                 if k == n - 1:
                     axes.set_xlabel(r"$\theta_d$ (degrees)")

@@ -1,10 +1,10 @@
 """Maximum a posteriori fits: a material from few or noisy samples, with a space of materials as prior (Section 6.C).
 
 The prior of the scores is normal, with the variances of the space. The likelihood is normal in the logarithm of the
-reflectance, `ln(f + e)` with e = `dsbrdf.metrics.LOG_OFFSET`: reflectances span decades, and noise and what no model
-describes are about proportional to them. What balances the two, the standard deviation sigma of that logarithm, is not
-chosen but estimated along the way, by the evidence approximation (MacKay, "Bayesian interpolation", Neural Computation
-4(3), 1992).
+reflectance, `ln(f + e)` with e = `dsbrdf.paper.metrics.LOG_OFFSET`: reflectances span decades, and noise and what no
+model describes are about proportional to them. What balances the two, the standard deviation sigma of that logarithm,
+is not chosen but estimated along the way, by the evidence approximation (MacKay, "Bayesian interpolation", Neural
+Computation 4(3), 1992).
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _check, half_diff
-from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf import _check
+from dsbrdf.geometry import half_diff
+from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space.material_space import MaterialSpace
 
 __all__ = ["PriorFit", "fit_scores"]

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _check, scattered
-from dsbrdf.fit_report import Coverage, Fit, model_of
-from dsbrdf.fit_scattered import even_slices
-from dsbrdf.measured.brdf import MeasuredBRDF
+from dsbrdf import _check
+from dsbrdf.fitting import scattered
+from dsbrdf.fitting.fit_scattered import even_slices
 from dsbrdf.measured.samples import Samples
-from dsbrdf.metrics import LOG_OFFSET
-from dsbrdf.slices import N_SLICES, SliceProfile, slice_profiles
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.collapse import N_SLICES, SliceProfile, slice_profiles
+from dsbrdf.paper.fit_report import Coverage, Fit, model_of
+from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.prior import fit_scores
 

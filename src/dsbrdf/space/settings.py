@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.curves import CurveBasis
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.curves import CurveBasis
 from dsbrdf.space.correspondence import CORRESPONDENCES
 from dsbrdf.space.fpca import squared_norm
 from dsbrdf.space.variables import Variables

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dsbrdf import _files
-from dsbrdf.curves import CurveBasis
-from dsbrdf.half_diff import AZIMUTHAL_WIDTH
-from dsbrdf.metrics import LOG_OFFSET
+from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.paper.curves import CurveBasis
+from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings
 from dsbrdf.space.variables import Variables

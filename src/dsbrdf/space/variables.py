@@ -1,6 +1,6 @@
 """What the curves of a space are of: kappa and gamma as they are (the paper), or logarithms; and beta.
 
-The logarithms are those of the height of a lobe, `ln(expm1(kappa) + e)`, e = `dsbrdf.metrics.LOG_OFFSET`, and
+The logarithms are those of the height of a lobe, `ln(expm1(kappa) + e)`, e = `dsbrdf.paper.metrics.LOG_OFFSET`, and
 `ln(1 + gamma)`. They are finite for a lobe that is not there, and nearly constant where a change cannot be seen: below
 0.001/sr, and about gamma = 0. Equal differences of the first are equal ratios of reflectance, dark or bright; of kappa
 itself, or of its logarithm, they are not, so that a highlight would take on a colour where channels are truncated.
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.curves import CurveBasis, sensitivity
-from dsbrdf.metrics import LOG_OFFSET
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.curves import CurveBasis, sensitivity
+from dsbrdf.paper.metrics import LOG_OFFSET
 
 __all__ = ["FLAT", "Variables"]
 
@@ -80,7 +80,7 @@ class Variables:
     def smooth(self, model: DSBRDF, basis: CurveBasis) -> Array:
         """Coefficients (channel, lobe, function, coefficient) of curves through a model's slices.
 
-        Least squares weighted by `dsbrdf.curves.sensitivity`: a slice on which a lobe is dark says little of it.
+        Least squares weighted by `dsbrdf.paper.curves.sensitivity`: a slice on which a lobe is dark says little of it.
         """
         weights = sensitivity(model)
         peak = weights.max(0)

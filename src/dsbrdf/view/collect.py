@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from dsbrdf import batch, model_file
-from dsbrdf.fit_measured import fit
-from dsbrdf.model import DSBRDF
+from dsbrdf import batch
+from dsbrdf.model import file as model_file
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.fit_measured import fit
 from dsbrdf.view.page import view
 
 __all__ = ["PAGE", "expand", "open_model", "view_files"]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.model import DSBRDF
-from dsbrdf.slices import MeasuredProfile
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.collapse import MeasuredProfile
 
 __all__ = ["Packed", "pack"]
 

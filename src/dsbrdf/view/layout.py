@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.model import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF
 
 if TYPE_CHECKING:
     from dsbrdf.space import MaterialSpace

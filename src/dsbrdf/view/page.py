@@ -9,8 +9,12 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsbrdf import _files, curves, half_diff, metrics, model_file, shader, sphere, spike
-from dsbrdf.model import DSBRDF
+from dsbrdf import _files, shader
+from dsbrdf.geometry import half_diff
+from dsbrdf.model import file as model_file
+from dsbrdf.model import sphere
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper import curves, metrics, spike
 from dsbrdf.view import data, layout
 from dsbrdf.view.script import bundle
 

@@ -1,4 +1,4 @@
-// Copying the parameters, and downloads: the edited model in the format of dsbrdf.model_file, and its GLSL.
+// Copying the parameters, and downloads: the edited model in the format of dsbrdf.model.file, and its GLSL.
 
 import { meta } from "./data.js";
 import { isEdited, withLobes } from "./material.js";

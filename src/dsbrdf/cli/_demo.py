@@ -1,0 +1,97 @@
+"""The demonstration: fit the built-in materials, and write their models and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsbrdf.measured import built_in
+from dsbrdf.paper.fit_measured import Fit, fit
+
+__all__ = ["OVERVIEW", "DemoRow", "run"]
+
+#: Name of the figure that shows all materials.
+OVERVIEW = "overview.png"
+
+
+@dataclass(frozen=True, eq=False)
+class DemoRow:
+    """A built-in material, fitted.
+
+    Parameters
+    ----------
+    fit : Fit
+    path : Path
+        Where its model was written; its figure, if any, lies beside it.
+    albedo : float
+        Directional albedo of the model at normal incidence, mean over channels.
+    """
+
+    fit: Fit
+    path: Path
+    albedo: float
+
+    @property
+    def model_bytes(self) -> int:
+        """Size of the model's numbers, as the table's are counted."""
+        model = self.fit.model
+        return sum(
+            array.nbytes for array in (model.theta_d, model.kappa, model.gamma, model.beta, model.spike)
+        )
+
+    @property
+    def table_bytes(self) -> int:
+        """Size of the table that was fitted."""
+        return self.fit.table.planes.nbytes
+
+
+def run(
+    out: str | Path,
+    names: Sequence[str] | None = None,
+    *,
+    plots: bool = True,
+    step: Callable[[str], None] = lambda _: None,
+) -> list[DemoRow]:
+    """Fit built-in materials, and write a model and a figure of each, and one figure of all.
+
+    Parameters
+    ----------
+    out : str or Path
+        Folder for `<name>.json`, `<name>.png` and `overview.png`; made if it does not exist.
+    names : sequence of str, optional
+        Materials; all by default.
+    plots : bool, optional
+        Write figures, which needs matplotlib.
+    step : callable, optional
+        Told what comes next: each material's name, and "overview" before the last figure.
+
+    Returns
+    -------
+    list of DemoRow
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If `plots` is set and matplotlib is missing; then nothing is written.
+    OSError
+        If a file cannot be written.
+    ValueError
+        If there is no such material.
+    """
+    out = Path(out)
+    if plots:
+        from dsbrdf import plot
+    rows = []
+    for name in built_in.names() if names is None else names:
+        step(name)
+        result = fit(built_in.material(name))
+        path = out / f"{name}.json"
+        result.model.save(path)
+        if plots:
+            plot.write_figure(plot.fit_figure(result), out / f"{name}.png")
+        rows.append(DemoRow(result, path, float(result.model.albedo(0.0).mean())))
+    if plots and rows:
+        step("overview")
+        plot.write_figure(plot.demo_figure([row.fit for row in rows]), out / OVERVIEW)
+    return rows

@@ -1,0 +1,96 @@
+"""Image slices (EXR, PNG): theta_h from left to right, theta_d from bottom to top, both from 0 to 90 degrees.
+
+Pixels are the cells of a table, so that theta_h grows with the square of the column. An EXR image holds values in 1/sr;
+a PNG image is decoded from sRGB to numbers from 0 to 1, taken as 1/sr, so that anything above is lost. EXR images are
+read if they have one part, whose data window is the display window.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from dsbrdf import _files
+from dsbrdf.measured.formats.array_file import bivariate
+from dsbrdf.measured.source import Source
+from dsbrdf.measured.table import MeasuredBRDF
+
+__all__ = ["EXR_MAGIC", "PNG_MAGIC", "read_image"]
+
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+#: Name, type and size of an attribute in the header of an EXR file.
+_ATTRIBUTE = re.compile(rb"([^\0]{1,255})\0([^\0]{1,255})\0(.{4})", re.DOTALL)
+#: Pixels on a side; a larger image is no slice.
+MAX_SIDE = 1024
+#: Bytes that hold the header of an image.
+_HEAD = 65_536
+
+
+def read_image(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF:
+    """Read a theta_h x theta_d image of values.
+
+    Parameters
+    ----------
+    path : str or Path
+        An EXR or PNG file, at most 1024 pixels on a side.
+    convention : {"centre", "edge"}, optional
+
+    Returns
+    -------
+    MeasuredBRDF
+        Three channels and one phi_d; see `dsbrdf.measured.formats.array_file.bivariate`.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or too large.
+    ModuleNotFoundError
+        If Mitsuba, which reads the images, is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    path = Path(path)
+    n_bytes = _files.regular_size(path)
+    with path.open("rb") as file:
+        width, height = _size(file.read(_HEAD), n_bytes)
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise ValueError(
+            f"{path}: not an image slice: expected 1 to {MAX_SIDE} pixels on a side, got {width} x {height}."
+        )
+    try:
+        import mitsuba as mi
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "images need Mitsuba: pip install 'dsbrdf[render]'", name=error.name
+        ) from None
+    if mi.variant() is None:
+        mi.set_variant("scalar_rgb")
+    try:
+        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+    except RuntimeError as error:
+        raise ValueError(f"{path}: not a sound image: {error}") from None
+    pixels = np.array(bitmap)[::-1].swapaxes(0, 1)
+    return bivariate(pixels, path.stem, convention=convention, source=Source(path))
+
+
+def _size(head: bytes, n_bytes: int) -> tuple[int, int]:
+    """Width and height that the first bytes of an image of `n_bytes` tell; zero if they do not."""
+    if head.startswith(PNG_MAGIC):
+        return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+    windows = {}
+    place = len(EXR_MAGIC) + 4
+    # What reads images would believe any size of an attribute
+    while match := _ATTRIBUTE.match(head, place):
+        length = int.from_bytes(match[3], "little")
+        place = match.end() + length
+        if place > min(n_bytes, len(head)):
+            return 0, 0
+        if match[2] == b"box2i" and length == 16:
+            windows[match[1]] = np.frombuffer(head[match.end() : place], "<i4").astype(int)
+    if not {b"dataWindow", b"displayWindow"} <= windows.keys() or head[place : place + 1] != b"\0":
+        return 0, 0
+    (width, height), *_ = sizes = [tuple(box[2:] - box[:2] + 1) for box in windows.values()]
+    return (width, height) if all(size == (width, height) for size in sizes) else (0, 0)

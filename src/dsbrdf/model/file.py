@@ -1,0 +1,210 @@
+"""Models on disk: one JSON file a material, numbers at full precision, with a schema version."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _files
+from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.measured.source import Source
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.paper.collapse import MeasuredProfile
+from dsbrdf.paper.curves import COEFFICIENTS, Curves
+
+__all__ = ["SCHEMA", "ModelFormatError", "load", "models_in", "save"]
+
+#: Version of the layout; every later version of the package reads it.
+SCHEMA = 2
+FORMAT = "dsbrdf model"
+PARAMETERS = ("theta_d", "kappa", "gamma", "beta")
+#: May be missing: there was none in the first files of schema 1.
+SPIKE = "spike"
+#: Since schema 2; the only one there is so far.
+WIDTH = "azimuthal_width"
+#: Since schema 2, in place of the parameters of slices.
+CURVES = "curves"
+PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
+#: Numbers of the profile, which is there for plots.
+PROFILE_DIGITS = 5
+#: Larger files are no models of ours.
+MAX_BYTES = 50_000_000
+#: Commas and brackets, as each may stand for 30 bytes of memory or more.
+MAX_MARKS = 2_400_000
+
+
+class ModelFormatError(ValueError):
+    """A file is not a model file that this version can read."""
+
+
+def save(model: DSBRDF, path: str | Path) -> None:
+    """Write `model` to `path`; it is written aside and renamed.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "name": model.name,
+        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), "
+        "spike (theta_d, channel)",
+        WIDTH: AZIMUTHAL_WIDTH,
+        **_parameters_to_json(model),
+        "source": model.source.to_json(),
+        "fit": dict(model.fit_options),
+        "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
+    }
+    if model.profile is not None:
+        content["profile"] = _profile_to_json(model.profile)
+    with _files.aside(path) as part:
+        part.write_text(_to_text(content) + "\n", encoding="utf-8")
+
+
+def _parameters_to_json(model: DSBRDF) -> dict[str, Any]:
+    """Parameters of the slices, or the curves that they are tabulated from."""
+    if model.curves is not None:
+        return {CURVES: model.curves.to_json()}
+    return {key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)}
+
+
+def _to_text(content: dict[str, Any]) -> str:
+    """JSON with a line for each slice of an array."""
+    entries = []
+    for key, value in content.items():
+        if isinstance(value, list):
+            text = "[\n  " + ",\n  ".join(json.dumps(row, default=_plain) for row in value) + "\n ]"
+        elif isinstance(value, dict):
+            text = _to_text(value).replace("\n", "\n ") if value else "{}"
+        else:
+            text = json.dumps(value, default=_plain)
+        entries.append(f"\n {json.dumps(key)}: {text}")
+    return "{" + ",".join(entries) + "\n}"
+
+
+def _profile_to_json(profile: MeasuredProfile) -> dict[str, Any]:
+    """Rounded numbers, None for NaN; the amplitude only where there is one, theta_h once if all slices share it."""
+    theta_h = profile.theta_h
+    arrays = {
+        "theta_d": profile.theta_d,
+        "theta_h": theta_h[:1] if (theta_h == theta_h[0]).all() else theta_h,
+        "mean": profile.mean,
+        "amplitude": profile.amplitude,
+    }
+    return {key: _rounded(array.tolist()) for key, array in arrays.items()}
+
+
+def _rounded(values: Any) -> Any:
+    if isinstance(values, list):
+        return [_rounded(value) for value in values]
+    return float(f"{values:.{PROFILE_DIGITS}g}") if math.isfinite(values) else None
+
+
+def _profile_from_json(content: dict[str, Any]) -> MeasuredProfile:
+    arrays = {name: _numbers(content, name) for name in PROFILE}
+    theta_h = np.broadcast_to(arrays["theta_h"], (len(arrays["theta_d"]), arrays["theta_h"].shape[-1]))
+    return MeasuredProfile(**(arrays | {"theta_h": theta_h}))
+
+
+def _plain(value: Any) -> Any:
+    """A number or array of NumPy as one of Python."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} does not fit into JSON")
+
+
+def models_in(folder: Path) -> list[Path]:
+    """The model files of a folder, by name, without records of batches, whose names begin with a point."""
+    return sorted(folder.glob("[!.]*.json"))
+
+
+def load(path: str | Path) -> DSBRDF:
+    """Read a model file.
+
+    Raises
+    ------
+    ModelFormatError
+        If the content is not a model, or one of a later schema; says what was expected and found.
+    OSError
+        If the file cannot be read.
+    """
+    path = Path(path)
+    size = _files.regular_size(path)
+    if size > MAX_BYTES:
+        raise ModelFormatError(f"{path}: not a model file: {size:,} bytes are more than any model has.")
+    try:
+        text = path.read_text(encoding="utf-8")
+        if text.count(",") + 2 * text.count("[") + 8 * text.count("{") > MAX_MARKS:
+            raise ModelFormatError(f"{path}: not a model file: more values than any model has.")
+        content = json.loads(text)
+    except ModelFormatError:
+        raise
+    # A ValueError also comes of a number with thousands of digits
+    except (ValueError, RecursionError) as error:
+        raise ModelFormatError(f"{path}: not a model file: not JSON ({error}).") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ModelFormatError(f'{path}: not a model file: expected "format": "{FORMAT}".')
+    schema = content.get("schema")
+    if type(schema) is not int or not 1 <= schema <= SCHEMA:
+        raise ModelFormatError(
+            f"{path}: schema {schema!r:.40} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
+        )
+    if content.get(WIDTH, AZIMUTHAL_WIDTH) != AZIMUTHAL_WIDTH:
+        raise ModelFormatError(
+            f"{path}: an azimuthal width of {content[WIDTH]!r:.40}, where this version has {AZIMUTHAL_WIDTH}. "
+            "Fit the material again."
+        )
+    source, options, errors = (content.get(key) or {} for key in ("source", "fit", "errors"))
+    for key, value in (("source", source), ("fit", options), ("errors", errors)):
+        if not isinstance(value, dict):
+            raise ModelFormatError(
+                f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
+            )
+    try:
+        make, parameters = _parameters_from_json(content)
+        return make(
+            **parameters,
+            name=str(content.get("name") or ""),
+            source=Source(description=str(source.get("description", "")), recorded=source),
+            fit_options=options,
+            errors={key: np.nan if value is None else float(value) for key, value in errors.items()},
+            profile=_profile_from_json(content["profile"]) if content.get("profile") else None,
+        )
+    except KeyError as error:
+        raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None
+    except (TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
+        raise ModelFormatError(f"{path}: not a sound model: {error}") from None
+
+
+def _parameters_from_json(content: dict[str, Any]) -> tuple[Callable[..., DSBRDF], dict[str, Any]]:
+    """What makes the model, and its parameters."""
+    if content.get(CURVES):
+        curves = content[CURVES]
+        for key in COEFFICIENTS:
+            _numbers(curves, key)
+        return Curves.from_json(curves).model, {}
+    spike = _numbers(content, SPIKE) if SPIKE in content else None
+    return DSBRDF, {key: _numbers(content, key) for key in PARAMETERS} | {"spike": spike}
+
+
+def _numbers(content: dict[str, Any], key: str) -> NDArray[np.float64]:
+    """Array of an entry; NumPy alone would take text and booleans for numbers."""
+    array = np.array(content[key], dtype=np.float64)
+    _refuse_other_than_numbers(content[key], key)
+    return array
+
+
+def _refuse_other_than_numbers(value: Any, key: str) -> None:
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, list):
+            _refuse_other_than_numbers(item, key)
+        elif item is not None and type(item) not in (int, float):
+            raise TypeError(f"'{key}' must hold numbers, got {item!r:.40}.")

@@ -1,0 +1,284 @@
+"""Slices of fixed theta_d, their masks, and the exact collapse over phi_d (Section 6).
+
+A lobe depends on `theta_h` and, through its azimuthal term, on `cos(2 phi_d)`. All that a least-squares fit
+can see of a slice are therefore six sums over `phi_d` at each `theta_h`: a `SliceProfile`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dsbrdf import _check
+from dsbrdf.measured.table import MeasuredBRDF
+
+__all__ = [
+    "MIN_THETA_H",
+    "N_SLICES",
+    "MeasuredProfile",
+    "SliceProfile",
+    "gather_profile",
+    "slice_profiles",
+    "slice_rows",
+]
+
+#: Slices of the paper: theta_d at every 5 degrees of a MERL table.
+N_SLICES = 18
+#: Samples nearer to the pole are not fitted: one degree (Section 6).
+MIN_THETA_H = float(np.deg2rad(1.0))
+#: Order of the moments on the last axis.
+MOMENTS = ("count", "sum f", "sum f^2", "sum c", "sum c^2", "sum f c")
+
+
+@dataclass(frozen=True, eq=False)
+class SliceProfile:
+    """Moments over phi_d of a slice, with `c = cos(2 phi_d)`.
+
+    Parameters
+    ----------
+    theta_d : float, radians
+    theta_h : (theta_h,) ndarray, radians
+    moments : (channel, theta_h, 6) ndarray
+        Count, sum f, sum f^2, sum c, sum c^2, sum f c; all zero where nothing is valid.
+    numbers : (channel, theta_h) ndarray, optional
+        Numbers of samples, where the counts are sums of weights.
+    """
+
+    theta_d: float
+    theta_h: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    numbers: NDArray[np.float64] | None = None
+
+    @property
+    def count(self) -> NDArray[np.float64]:
+        """Number (or summed weight) of samples, (channel, theta_h)."""
+        return self.moments[..., 0]
+
+    @property
+    def n_samples(self) -> NDArray[np.float64]:
+        """Number of samples, (channel, theta_h)."""
+        return self.count if self.numbers is None else self.numbers
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """Mean over phi_d in 1/sr, (channel, theta_h); NaN where there is no sample."""
+        return _ratio(self.moments[..., 1], self.count)
+
+    @property
+    def energy(self) -> NDArray[np.float64]:
+        """Sum of squares of all samples in 1/sr^2, (channel,)."""
+        total: NDArray[np.float64] = self.moments[..., 2].sum(-1)
+        return total
+
+    @property
+    def azimuthal_amplitude(self) -> NDArray[np.float64]:
+        """Best amplitude of `cos(2 phi_d)` in 1/sr, (channel, theta_h); NaN where it cannot be told."""
+        n, f, _, c, cc, fc = np.moveaxis(self.moments, -1, 0)
+        spread = cc - c * _ratio(c, n)
+        amplitude = _ratio(fc - f * _ratio(c, n), spread)
+        return np.where(spread > 1e-12 * n, amplitude, np.nan)
+
+    def cut(self, min_theta_h: float) -> SliceProfile:
+        """The slice without its samples of theta_h below `min_theta_h` (radians)."""
+        kept = self.theta_h >= min_theta_h
+        numbers = None if self.numbers is None else np.where(kept, self.numbers, 0.0)
+        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0), numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredProfile:
+    """What was fitted, for plots beside a model; the samples themselves are not kept.
+
+    Parameters
+    ----------
+    theta_d : (slice,) ndarray, radians
+    theta_h : (slice, theta_h) ndarray, radians
+    mean : (slice, channel, theta_h) ndarray, 1/sr
+        Over phi_d; NaN where there is no sample.
+    amplitude : (slice, channel, theta_h) ndarray, 1/sr
+        Of `cos(2 phi_d)`, so that `mean + amplitude` is at phi_d = 0; NaN where it cannot be told.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree.
+    """
+
+    theta_d: NDArray[np.float64]
+    theta_h: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name, n_axes in (("theta_d", 1), ("theta_h", 2), ("mean", 3), ("amplitude", 3)):
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.ndim != n_axes or len(array) != len(self.theta_d):
+                raise ValueError(
+                    f"'{name}' of a profile must have {n_axes} axes, the first of {len(self.theta_d)} slices, "
+                    f"got shape {array.shape}."
+                )
+            object.__setattr__(self, name, array)
+        if self.mean.shape != self.amplitude.shape or self.mean.shape[::2] != self.theta_h.shape:
+            raise ValueError(
+                f"a profile's 'mean' and 'amplitude' must have shape (slice, channel, theta_h) with 'theta_h' "
+                f"{self.theta_h.shape}, got {self.mean.shape} and {self.amplitude.shape}."
+            )
+
+    @classmethod
+    def of(cls, profiles: Sequence[SliceProfile]) -> MeasuredProfile:
+        """Return the summary of slices."""
+        theta_d, theta_h, moments = stack_profiles(profiles)
+        stacked = SliceProfile(0.0, theta_h[0], moments)
+        return cls(theta_d, theta_h, stacked.mean, stacked.azimuthal_amplitude)
+
+
+def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`x / y`, NaN where y is zero."""
+    ratio: NDArray[np.float64] = np.divide(
+        x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0
+    )
+    return ratio
+
+
+def slice_rows(n_rows: int, n_slices: int = N_SLICES) -> NDArray[np.int_]:
+    """Rows of a table with `n_rows` in theta_d that make `n_slices` evenly spaced slices, from the first on.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer rows than slices, or no slice.
+    """
+    if not 1 <= n_slices <= n_rows:
+        raise ValueError(f"'n_slices' must be between 1 and the table's {n_rows} rows, got {n_slices}.")
+    return np.arange(n_slices) * n_rows // n_slices
+
+
+def slice_profiles(
+    measured: MeasuredBRDF,
+    *,
+    n_slices: int = N_SLICES,
+    min_theta_h: float = MIN_THETA_H,
+    perimeter_mask: bool = True,
+    theta_h_step: int = 1,
+) -> list[SliceProfile]:
+    """Slices of a table, collapsed over phi_d.
+
+    Parameters
+    ----------
+    measured : MeasuredBRDF
+    n_slices : int, optional
+        Evenly spaced in theta_d: 18 is every 5 degrees of a MERL table (the paper), 90 is every row.
+    min_theta_h : float, radians, optional
+        Samples below are left out, one degree by default (the paper).
+    perimeter_mask : bool, optional
+        Leave out `theta_h >= pi/2 - theta_d`, where directions of some phi_d are below the horizon (the
+        paper's mask against lobes at the perimeter, Section 6.A).
+    theta_h_step : int, optional
+        Keep every such theta_h only (Fig. 6).
+
+    Returns
+    -------
+    list of SliceProfile
+        Ascending in theta_d.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range.
+    """
+    if theta_h_step < 1:
+        raise ValueError(f"'theta_h_step' must be at least 1, got {theta_h_step}.")
+    min_theta_h = float(_check.angle(min_theta_h, "min_theta_h"))
+    rows = slice_rows(len(measured.theta_d), n_slices)
+    moments = measured.moments(rows)
+    kept = slice_mask(measured, rows, min_theta_h, perimeter_mask, theta_h_step)
+    moments.swapaxes(1, 2)[~kept] = 0.0
+    return [
+        SliceProfile(float(measured.theta_d[row]), measured.theta_h, of_row)
+        for row, of_row in zip(rows, moments, strict=True)
+    ]
+
+
+def slice_mask(
+    measured: MeasuredBRDF,
+    rows: NDArray[np.int_],
+    min_theta_h: float,
+    perimeter_mask: bool,
+    theta_h_step: int,
+) -> NDArray[np.bool_]:
+    """Which theta_h of which row (row, theta_h) are fitted; see `slice_profiles`."""
+    theta_h = measured.theta_h
+    kept = (theta_h >= min_theta_h) & (np.arange(len(theta_h)) % theta_h_step == 0)
+    limit = np.pi / 2 - measured.theta_d[rows] if perimeter_mask else np.full(len(rows), np.inf)
+    mask: NDArray[np.bool_] = kept & (theta_h < limit[:, None])
+    return mask
+
+
+def gather_profile(
+    theta_d: float, theta_h: ArrayLike, phi_d: ArrayLike, values: ArrayLike, weights: ArrayLike | None = None
+) -> SliceProfile:
+    """A slice from scattered samples of about the same theta_d; theta_h need not lie on a grid.
+
+    Parameters
+    ----------
+    theta_d : float, radians
+    theta_h, phi_d : (sample,) array_like, radians
+    values : (sample, channel) array_like
+        In 1/sr; NaN where invalid.
+    weights : (sample,) array_like, optional
+
+    Returns
+    -------
+    SliceProfile
+        One theta_h a distinct value, ascending.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree or an angle is out of range.
+    """
+    theta_d = float(_check.angle(theta_d, "theta_d"))
+    theta_h = _check.angle(theta_h, "theta_h")
+    if theta_h.ndim != 1:
+        raise ValueError(f"'theta_h' must have shape (sample,), got {theta_h.shape}.")
+    n = theta_h.size
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 2 or len(values) != n:
+        raise ValueError(f"'values' must have shape ({n}, channel), got {values.shape}.")
+    phi_d = _check.finite(phi_d, "phi_d")
+    weight = np.ones(n) if weights is None else _check.finite(weights, "weights", low=0.0)
+    for name, array in (("phi_d", phi_d), ("weights", weight)):
+        if array.shape != (n,):
+            raise ValueError(f"'{name}' must have shape ({n},) like 'theta_h', got {array.shape}.")
+    c = np.cos(2.0 * phi_d)
+    nodes, index = np.unique(theta_h, return_inverse=True)
+    valid = np.isfinite(values)
+    f = np.where(valid, values, 0.0)
+    w = weight[:, None] * valid
+    c = c[:, None]
+    terms = np.stack([w, w * f, w * f * f, w * c, w * c * c, w * f * c], axis=-1)
+    moments = np.zeros((len(nodes), *terms.shape[1:]))
+    np.add.at(moments, index, terms)
+    numbers = np.zeros((len(nodes), values.shape[1]))
+    np.add.at(numbers, index, w > 0.0)
+    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)), numbers.T)
+
+
+def stack_profiles(
+    profiles: Sequence[SliceProfile],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """`theta_d` (slice,), `theta_h` (slice, theta_h) and moments (slice, channel, theta_h, 6) of slices.
+
+    Slices with fewer theta_h than others are filled with empty ones.
+    """
+    theta_d = np.array([profile.theta_d for profile in profiles])
+    n_h = max(len(profile.theta_h) for profile in profiles)
+    theta_h = np.zeros((len(profiles), n_h))
+    moments = np.zeros((len(profiles), profiles[0].moments.shape[0], n_h, len(MOMENTS)))
+    for i, profile in enumerate(profiles):
+        theta_h[i, : len(profile.theta_h)] = profile.theta_h
+        moments[i, :, : len(profile.theta_h)] = profile.moments
+    return theta_d, theta_h, moments

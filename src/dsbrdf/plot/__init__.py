@@ -1,0 +1,47 @@
+"""Figures of models and fits. Needs the extra `[plot]`.
+
+Every function returns a `matplotlib.figure.Figure`; `write_figure` writes one. Read `style` first, which holds the
+colours and the style that all figures share, then `model`: measured points against fitted curves, lobes, parameters,
+and spheres.
+"""
+
+try:
+    import matplotlib  # noqa: F401
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        'dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"', name="matplotlib"
+    ) from error
+
+from dsbrdf.plot import model
+from dsbrdf.plot.model import EXPOSURE, demo_figure, fit_figure, incident_plane, parameter_figure
+from dsbrdf.plot.style import (
+    CHANNEL_COLOURS,
+    DPI,
+    GREY,
+    INK,
+    LOBE_COLOURS,
+    LOBE_DASHES,
+    LOBE_MARKERS,
+    PALE,
+    STYLE,
+    write_figure,
+)
+
+__all__ = [
+    "CHANNEL_COLOURS",
+    "DPI",
+    "EXPOSURE",
+    "GREY",
+    "INK",
+    "LOBE_COLOURS",
+    "LOBE_DASHES",
+    "LOBE_MARKERS",
+    "PALE",
+    "STYLE",
+    "demo_figure",
+    "fit_figure",
+    "incident_plane",
+    "model",
+    "parameter_figure",
+    "write_figure",
+]
