@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from dsbrdf import DSBRDF, Samples, load, read
-from dsbrdf.measured import nbrdf
-from dsbrdf.measured.rgl import read_rgl
-from dsbrdf.measured.tensor_file import write_tensor_file
+from dsbrdf.measured.formats import nbrdf
+from dsbrdf.measured.formats.rgl import read_rgl
+from dsbrdf.measured.formats.tensor_file import write_tensor_file
 
 #: What a reader may raise.
 CLEAN = (ValueError, OSError)

@@ -60,8 +60,8 @@ ANGLES = [
 def write_model(path, spike, profile):
     """A model file of the package."""
     from dsbrdf import DSBRDF
-    from dsbrdf.measured.brdf import Source
-    from dsbrdf.slices import MeasuredProfile
+    from dsbrdf.measured.source import Source
+    from dsbrdf.paper.collapse import MeasuredProfile
 
     if profile:
         arrays = {name: np.array(values, dtype=float) for name, values in profile.items()}

@@ -1,4 +1,4 @@
-"""Reference colours of `dsbrdf.measured.cie`, written to `cie.json` beside this file.
+"""Reference colours of `dsbrdf.geometry.colour`, written to `cie.json` beside this file.
 
 Run with `python tests/reference/cie.py`; it needs colour-science (0.4) and takes seconds. Each line is centre and width
 in nm of a Gaussian on a base of 0.05, from 380 to 780 nm, and its linear sRGB under D65: sums at every nm over the CIE

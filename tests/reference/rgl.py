@@ -1,4 +1,4 @@
-"""Reference values of `dsbrdf.measured.rgl` from Mitsuba 3, written to `rgl.json` beside this file.
+"""Reference values of `dsbrdf.measured.formats.rgl` from Mitsuba 3, written to `rgl.json` beside this file.
 
 Run with `DSBRDF_TEST_DATA=FOLDER python tests/reference/rgl.py`; it needs the RGL files, Mitsuba and NumPy,
 and takes seconds. The plugin `measured` evaluates f(wi, wo) cos(theta_o) in single precision.

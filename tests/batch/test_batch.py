@@ -1,0 +1,360 @@
+"""Many files: what is written, what is kept, and what happens when something fails."""
+
+import dataclasses
+import json
+import os
+import shutil
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batches import OPTIONS, files_in, run, table
+
+import dsbrdf
+from dsbrdf import batch, cli
+
+pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
+
+
+@pytest.fixture
+def fitted(monkeypatch):
+    """Names that are fitted, as they are."""
+    names, real = [], batch.fit
+
+    def count(measured, **options):
+        names.append(measured.name)
+        return real(measured, **options)
+
+    monkeypatch.setattr(batch, "fit", count)
+    return names
+
+
+def test_models_and_tables(database, tmp_path):
+    out = tmp_path / "out"
+    told = {"step": [], "done": []}
+    outcomes = run(database, out, step=told["step"].append, done=told["done"].append)
+    assert [Path(outcome.target).name for outcome in outcomes] == ["a.binary", "b.binary", "c.binary"]
+    assert told == {"step": [outcome.target for outcome in outcomes], "done": outcomes}
+    assert files_in(out) == sorted(["a.json", "b.json", "c.json", batch.RECORD, *batch.TABLES])
+    rows = table(out)
+    assert [row["name"] for row in rows] == ["a", "b", "c"]
+    expected = dsbrdf.fit(dsbrdf.read(database / "a.binary"), **OPTIONS)
+    for outcome, row in zip(outcomes, rows, strict=True):
+        assert not outcome.kept
+        assert outcome.error is None
+        np.testing.assert_array_equal(dsbrdf.load(outcome.path).kappa, expected.model.kappa)
+        for key in ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor", "log_rms"):
+            assert float(row[key]) == outcome.summary[key] == expected.summary()[key]
+        assert (row["lobes"], row["status"]) == ("1", outcome.status)
+    lines = (out / "fits.md").read_text().splitlines()
+    assert "n_lobes 1" in lines[0]
+    assert lines[4].startswith(f"| a | 1 | {100 * expected.errors.rel_rms:.2f} | ")
+
+
+def test_nothing_is_written_without_a_folder(database, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcomes = run(database, None)
+    assert [outcome.path for outcome in outcomes] == [None] * 3
+    assert files_in(tmp_path) == ["database"]
+
+
+def test_the_number_of_lobes_is_explained(table_file):
+    (outcome,) = batch.fit_many([table_file], n_slices=6)
+    assert outcome.summary["criterion"] == outcome.selection.values.tolist()
+    assert outcome.selection.n_lobes == outcome.summary["n_lobes"]
+    (outcome,) = batch.fit_many([table_file], **OPTIONS)
+    assert "criterion" not in outcome.summary
+    assert outcome.selection is None
+
+
+# Again
+
+
+def test_a_second_run_keeps_what_is_there(database, tmp_path, fitted):
+    out = tmp_path / "out"
+    first = run(database, out)
+    tables = [(out / name).read_bytes() for name in batch.TABLES]
+    times = [outcome.path.stat().st_mtime_ns for outcome in first]
+    fitted.clear()
+    second = run(database, out)
+    assert fitted == []
+    assert all(outcome.kept for outcome in second)
+    assert [outcome.summary for outcome in second] == [outcome.summary for outcome in first]
+    assert [outcome.path.stat().st_mtime_ns for outcome in second] == times
+    assert [(out / name).read_bytes() for name in batch.TABLES] == tables
+
+
+def test_force(database, tmp_path, fitted):
+    run(database, tmp_path / "out")
+    fitted.clear()
+    assert not any(outcome.kept for outcome in run(database, tmp_path / "out", force=True))
+    assert sorted(fitted) == ["a", "b", "c"]
+
+
+def test_other_options_fit_again(database, tmp_path, fitted):
+    run(database, tmp_path / "out")
+    fitted.clear()
+    run(database, tmp_path / "out", loss="log")
+    assert sorted(fitted) == ["a", "b", "c"]
+
+
+def test_another_version_fits_again(database, tmp_path, fitted, monkeypatch):
+    run(database, tmp_path / "out")
+    fitted.clear()
+    monkeypatch.setattr(dsbrdf, "__version__", "99.0")
+    run(database, tmp_path / "out")
+    assert sorted(fitted) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("damage", ["edit", "remove", "other"])
+def test_a_model_that_was_changed_is_fitted_again(database, tmp_path, fitted, damage):
+    out = tmp_path / "out"
+    run(database, out)
+    fitted.clear()
+    if damage == "edit":
+        (out / "b.json").write_text((out / "b.json").read_text().replace('"b"', '"B"'))
+    elif damage == "remove":
+        (out / "b.json").unlink()
+    else:
+        # A single fit with other options into the same folder
+        assert cli.main(["fit", str(database / "b.binary"), "-o", str(out), "--lobes", "2"]) == 0
+        fitted.clear()
+    run(database, out)
+    assert fitted == ["b"]
+    assert dsbrdf.load(out / "b.json").n_lobes == 1
+
+
+def test_a_measurement_that_was_changed_is_fitted_again(database, table_file, tmp_path, fitted):
+    out = tmp_path / "out"
+    run(database, out)
+    measured = dsbrdf.read(table_file)
+    (database / "b.binary").unlink()
+    dsbrdf.write_merl(dataclasses.replace(measured, planes=2.0 * measured.planes), database / "b.binary")
+    fitted.clear()
+    run(database, out)
+    assert fitted == ["b"]
+
+
+def test_a_copy_is_the_same_measurement(database, table_file, tmp_path, fitted):
+    out = tmp_path / "out"
+    run(database, out)
+    (database / "b.binary").unlink()
+    shutil.copyfile(table_file, database / "b.binary")
+    os.utime(database / "b.binary", (1, 1))
+    fitted.clear()
+    run(database, out)
+    assert fitted == []
+    # The new time is noted: the next run need not hash
+    record = json.loads((out / batch.RECORD).read_text())
+    assert record["fits"]["b"]["source"]["mtime_ns"] == 10**9
+
+
+def test_built_in_materials_are_fitted_again(tmp_path, fitted):
+    for _ in range(2):
+        batch.fit_many(["matte"], tmp_path, **OPTIONS)
+    assert fitted == ["matte", "matte"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"format": "dsbrdf batch"}', '{"fits": {"a": 3}}', "\0" * 9, "["]
+)
+def test_a_broken_record_is_none(database, tmp_path, fitted, text):
+    out = tmp_path / "out"
+    run(database, out)
+    (out / batch.RECORD).write_text(text)
+    fitted.clear()
+    run(database, out)
+    assert sorted(fitted) == ["a", "b", "c"]
+
+
+def test_a_broken_entry_is_none(database, tmp_path, fitted):
+    out = tmp_path / "out"
+    run(database, out)
+    record = json.loads((out / batch.RECORD).read_text())
+    del record["fits"]["a"]["summary"]["rel_rms"]
+    record["fits"]["b"] = "good"
+    (out / batch.RECORD).write_text(json.dumps(record))
+    fitted.clear()
+    run(database, out)
+    assert sorted(fitted) == ["a", "b"]
+
+
+def test_the_table_has_earlier_files_too(database, tmp_path):
+    out = tmp_path / "out"
+    run(database, out)
+    batch.fit_many([database / "b.binary"], out, **OPTIONS, force=True)
+    assert [row["name"] for row in table(out)] == ["a", "b", "c"]
+    # but not those of other options
+    batch.fit_many([database / "b.binary"], out, n_lobes=2, n_slices=3)
+    assert [(row["name"], row["lobes"]) for row in table(out)] == [("b", "2")]
+
+
+def test_figures_are_made_up_for(database, tmp_path, fitted):
+    out = tmp_path / "out"
+    targets = [database / "a.binary"]
+    batch.fit_many(targets, out, **OPTIONS)
+    batch.fit_many(targets, out, plots=True, **OPTIONS)
+    batch.fit_many(targets, out, plots=True, **OPTIONS)
+    assert fitted == ["a", "a"]
+    assert {"a.png", "a-parameters.png"} < set(files_in(out))
+
+
+# What fails
+
+
+def test_goes_on_after_a_bad_file(database, tmp_path, capsys):
+    (database / "b.binary").unlink()
+    (database / "b.binary").write_text("not a | table")
+    out = tmp_path / "out"
+    for kept in (0, 2):
+        assert cli.main(["fit", str(database), "-o", str(out), "--lobes", "1", "--slices", "3"]) == 1
+        told = capsys.readouterr()
+        assert f"{kept} of 2 kept" in told.out or not kept
+        errors = [line for line in told.err.splitlines() if line.startswith("dsbrdf: error: ")]
+        assert len(errors) == 1
+        assert f"{database / 'b.binary'}: not a MERL file" in errors[0]
+        rows = table(out)
+        assert [row["name"] for row in rows] == ["a", "b", "c"]
+        assert rows[1]["status"].startswith("failed: ")
+        assert rows[1]["rel_rms"] == rows[1]["lobes"] == ""
+
+
+def test_a_failure_of_ours_does_not_stop_it_either(database, tmp_path, monkeypatch):
+    real = batch.fit
+
+    def stand_in(measured, **options):
+        if measured.name == "a":
+            raise ZeroDivisionError("division by zero")
+        return real(measured, **options)
+
+    monkeypatch.setattr(batch, "fit", stand_in)
+    outcomes = run(database, tmp_path / "out")
+    assert isinstance(outcomes[0].error, ZeroDivisionError)
+    assert [outcome.error is None for outcome in outcomes] == [False, True, True]
+    with pytest.raises(ZeroDivisionError):
+        run(database, tmp_path / "out", strict=True)
+
+
+def test_interruption_leaves_a_sound_state(database, tmp_path, monkeypatch, fitted):
+    out = tmp_path / "out"
+    real = batch.fit
+
+    def stand_in(measured, **options):
+        if measured.name == "b":
+            raise KeyboardInterrupt
+        return real(measured, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(batch, "fit", stand_in)
+        with pytest.raises(KeyboardInterrupt):
+            run(database, out)
+    assert files_in(out) == sorted(["a.json", batch.RECORD, *batch.TABLES])
+    assert [row["name"] for row in table(out)] == ["a"]
+    fitted.clear()
+    assert [outcome.kept for outcome in run(database, out)] == [True, False, False]
+    assert sorted(fitted) == ["b", "c"]
+
+
+def test_killed_between_model_and_record(database, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run(database, out)
+    monkeypatch.setattr(batch.Book, "save", lambda _: (_ for _ in ()).throw(OSError(28, "full", "record")))
+    with pytest.raises(OSError, match="full"):
+        run(database, out, loss="log")
+    monkeypatch.undo()
+    # The record is that of the first run, one model is not
+    assert [outcome.kept for outcome in run(database, out)] == [False, True, True]
+    assert not [name for name in files_in(out) if name.endswith(".part")]
+
+
+def test_a_folder_that_holds_nothing(tmp_path, database):
+    (tmp_path / "empty").mkdir()
+    targets, failures = batch.expand([tmp_path / "empty", database / "a.binary"])
+    assert targets == [str(database / "a.binary")]
+    assert [failure.status for failure in failures] == [
+        f"{tmp_path / 'empty'}: no measured file ({', '.join(batch.SUFFIXES)}) in this folder."
+    ]
+    with pytest.raises(ValueError, match=r"no measured file \(\.binary, .*\) in this folder"):
+        batch.expand([tmp_path / "empty"], strict=True)
+
+
+def test_memory_is_bounded(monkeypatch):
+    """However many files, only a few are read before the first is done with."""
+    opened, finished, most = [], [], []
+    lock = threading.Lock()
+    table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=(9, 6, 8))
+
+    def stand_in(target, _):
+        with lock:
+            opened.append(target)
+            most.append(len(opened) - len(finished))
+        return dataclasses.replace(table, name=target)
+
+    monkeypatch.setattr(batch, "open_target", stand_in)
+    names = [f"m{i}" for i in range(20)]
+    outcomes = batch.fit_many(names, done=lambda outcome: finished.append(outcome.target), **OPTIONS)
+    assert finished == [outcome.target for outcome in outcomes] == names
+    assert max(most) <= batch.WORKERS + batch.AHEAD
+
+
+def test_two_at_a_time(monkeypatch):
+    """The second is begun while the first is being fitted."""
+    both = threading.Barrier(2, timeout=20)
+    table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=(9, 6, 8))
+
+    def stand_in(target, _):
+        both.wait()
+        return dataclasses.replace(table, name=target)
+
+    monkeypatch.setattr(batch, "open_target", stand_in)
+    assert all(outcome.error is None for outcome in batch.fit_many(["a", "b"], **OPTIONS))
+
+
+def test_the_same_as_one_by_one(small_table, monkeypatch):
+    monkeypatch.setattr(batch, "open_target", lambda target, _: dataclasses.replace(small_table, name=target))
+    expected = dsbrdf.fit(small_table, **OPTIONS).errors.rel_rms
+    outcomes = batch.fit_many([f"m{i}" for i in range(6)], **OPTIONS)
+    assert [outcome.summary["rel_rms"] for outcome in outcomes] == [expected] * 6
+
+
+# As a library
+
+
+def test_a_folder_and_what_comes_of_it(database):
+    outcomes = dsbrdf.fit_many(database, **OPTIONS)
+    assert [Path(outcome.target).name for outcome in outcomes] == ["a.binary", "b.binary", "c.binary"]
+    expected = dsbrdf.fit(dsbrdf.read(database / "a.binary"), **OPTIONS).model
+    for outcome in outcomes:
+        assert isinstance(outcome, dsbrdf.Outcome)
+        np.testing.assert_array_equal(outcome.model.kappa, expected.kappa)
+    (database / "empty").mkdir()
+    with pytest.raises(ValueError, match=r"no measured file \(\.binary, .*\) in this folder"):
+        dsbrdf.fit_many(database / "empty")
+
+
+def test_measurements_one_by_one(small_table, tmp_path):
+    """Of an iterable that makes them: no more are there than are worked on, and results come as they are done."""
+    made, done, most = [], [], []
+
+    def measurements():
+        for i in range(12):
+            made.append(i)
+            most.append(len(made) - len(done))
+            yield dataclasses.replace(small_table, name=f"m{i}")
+
+    outcomes = dsbrdf.fit_many(measurements(), tmp_path, done=done.append, **OPTIONS)
+    assert done == outcomes
+    assert [outcome.target for outcome in outcomes] == [f"m{i}" for i in range(12)]
+    assert max(most) <= batch.WORKERS + batch.AHEAD + 1
+    assert len(list(tmp_path.glob("*.json"))) == 12 + batch.RECORD.endswith(".json")
+
+
+def test_scattered_samples(tmp_path, rng):
+    w = np.abs(rng.normal(size=(2, 80, 3)))
+    w /= np.linalg.norm(w, axis=-1, keepdims=True)
+    scan = dsbrdf.Samples("scan", *w, 0.2 + 0.1 * w[0, :, 2:])
+    (outcome,) = dsbrdf.fit_many([scan], tmp_path, plots=False)
+    assert outcome.error is None
+    assert dsbrdf.load(outcome.path).name == "scan"
+    assert outcome.summary["samples"] == 80

@@ -1,0 +1,258 @@
+"""Figures and spheres: that they show the numbers they should."""
+
+import dataclasses
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import dsbrdf
+from dsbrdf import half_diff, plot
+from dsbrdf.measured import built_in
+from dsbrdf.model import sphere
+
+SHAPE = (45, 18, 36)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    """A small table of a material that differs over phi_d, fitted."""
+    table = dsbrdf.tabulate(built_in.get("rough-gold").reflectance, "gold", shape=SHAPE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+        return dsbrdf.fit(table, n_lobes=3)
+
+
+@pytest.fixture(scope="module")
+def grey_fit():
+    """One channel, two lobes, three slices."""
+    table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=SHAPE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+        return dsbrdf.fit(table, n_lobes=2, n_slices=3)
+
+
+def line(axes, label):
+    (found,) = [line for line in axes.get_lines() if line.get_label() == label]
+    return found
+
+
+@pytest.mark.parametrize("convention", ["centre", "edge"])
+def test_incident_plane_lies_in_the_plane(convention):
+    def reflectance(wi, wo):
+        theta_h, _, phi_d = half_diff.from_directions(wi, wo)
+        return np.stack([theta_h, 2.0 + np.cos(2.0 * phi_d)], axis=-1)
+
+    table = dsbrdf.tabulate(reflectance, "angles", shape=(20, 10, 180), convention=convention)
+    theta_h, values = plot.incident_plane(table, 4)
+    right = theta_h > 0.0
+    seen = np.isfinite(values[0])
+    np.testing.assert_allclose(values[0, seen], np.abs(theta_h[seen]), atol=1e-12)
+    # Half a cell beside the plane: cos(1 degree)
+    near = np.cos(np.deg2rad(1.0)) if convention == "centre" else 1.0
+    inner = seen & (np.abs(theta_h) > 0.01)
+    np.testing.assert_allclose(values[1, inner & right], 2.0 + near)
+    np.testing.assert_allclose(values[1, inner & ~right], 2.0 - near)
+    assert not seen[theta_h + table.theta_d[4] > np.pi / 2].any()
+    assert (np.diff(theta_h) >= 0.0).all()
+
+
+def test_invalid_cells_are_left_out_of_the_plane(fit):
+    planes = fit.measured.planes.copy()
+    planes[:, 5, 3, 0] = -1.0
+    planes[:, 6, 3, [0, -1]] = np.nan
+    damaged = dataclasses.replace(fit.measured, planes=planes)
+    _, values = plot.incident_plane(damaged, 3)
+    right = values[:, SHAPE[0] :]
+    np.testing.assert_array_equal(right[:, 5], planes[:, 5, 3, -1])
+    assert np.isnan(right[:, 6]).all()
+
+
+def test_fit_figure_shows_the_fit(fit):
+    figure = plot.fit_figure(fit, theta_d=np.deg2rad([12.0, 42.0]), channel=1)
+    grid = np.array(figure.axes).reshape(3, 2)
+    assert [axes.get_title() for axes in grid[0]] == [r"$\theta_d$ = 12.5°", r"$\theta_d$ = 42.5°"]
+    assert grid[0, 0].get_xlim() == (-90.0, 90.0)
+    assert [axes.get_yscale() for axes in grid[:, 0]] == ["linear", "log", "log"]
+
+    theta_d = fit.measured.theta_d[8]
+    for axes in grid[:2, 1]:
+        x, y = line(axes, "green, fitted").get_data()
+        right, left = np.searchsorted(x, 20.0), np.searchsorted(x, -30.0)
+        expected = fit.model.eval_angles(np.deg2rad(x[[right, left]]) * [1, -1], theta_d, [0.0, np.pi / 2])
+        np.testing.assert_allclose(y[[right, left]], expected[:, 1], rtol=1e-9)
+        assert np.isnan(y[-1])
+    lobes = [line(grid[2, 1], f"lobe {k}").get_ydata() for k in range(3)]
+    total = line(grid[2, 1], "fitted").get_ydata()
+    np.testing.assert_allclose(np.sum(lobes, axis=0), total)
+    x, y = line(grid[2, 1], "measured").get_data()
+    theta_h, values = plot.incident_plane(fit.measured, 8)
+    np.testing.assert_array_equal(y, values[1, ::3])
+    np.testing.assert_allclose(x, np.rad2deg(theta_h[::3]))
+
+
+def test_fitted_holds_the_delta_term(fit):
+    spike = np.full(fit.model.spike.shape, 40.0)
+    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=spike))
+    column = plot.fit_figure(spiked, theta_d=[0.0], channel=1).axes
+    x, y = line(column[2], "fitted").get_data()
+    expected = spiked.model.eval_angles(np.deg2rad(x[x >= 0.0]), fit.measured.theta_d[0], 0.0)[:, 1]
+    shown = np.isfinite(y[x >= 0.0])
+    np.testing.assert_allclose(y[x >= 0.0][shown], expected[shown], rtol=1e-9)
+    np.testing.assert_array_equal(line(column[0], "green, fitted").get_ydata(), y)
+    delta = line(column[2], "delta").get_ydata()
+    np.testing.assert_allclose(delta[np.abs(x) < 1e-9], 40.0)
+    np.testing.assert_allclose(delta[(np.abs(x) > 1.0) & np.isfinite(delta)], 0.0, atol=1e-9)
+    assert "delta" not in [line.get_label() for line in plot.fit_figure(fit, theta_d=[0.0]).axes[2].lines]
+
+
+def test_the_fitted_sphere_holds_the_delta_term(fit, monkeypatch):
+    """Not the lobes alone: with a spike at each normal, something is brighter than they are."""
+    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=np.full(fit.model.spike.shape, 1e6)))
+    radiances = []
+    monkeypatch.setattr(
+        sphere, "picture", lambda radiance, _: radiances.append(radiance) or radiance[..., :1]
+    )
+    plot.demo_figure([spiked], n_pixels=64)
+    np.testing.assert_array_equal(radiances[1], sphere.shade(spiked.model, 64))
+    assert (radiances[1] > sum(radiances[2:]) + 1.0).any()
+
+
+def test_fit_figure_names_errors_and_the_brightest_channel(fit):
+    figure = plot.fit_figure(fit)
+    title = figure.get_suptitle()
+    for value in (fit.errors.rel_rms, fit.errors.bivariate_floor, fit.errors.azimuthal_floor):
+        assert f"{100 * value:.2f} %" in title
+    assert len(figure.axes) == 9
+    assert figure.axes[6].get_ylabel() == "BRDF (1/sr), lobes of red"
+
+
+def test_figures_of_one_channel(grey_fit, tmp_path):
+    figure = plot.fit_figure(grey_fit, theta_d=[0.6])
+    assert "channel 0, fitted" in [line.get_label() for line in figure.axes[0].get_lines()]
+    for i, made in enumerate([figure, plot.parameter_figure(grey_fit.model), plot.demo_figure([grey_fit])]):
+        plot.write_figure(made, tmp_path / f"{i}.png", dpi=40)
+
+
+def test_slices_are_shown_once(grey_fit):
+    assert len(plot.fit_figure(grey_fit, theta_d=[0.0, 0.01, 0.02]).axes) == 3
+
+
+def test_parameter_figure_shows_the_parameters(fit):
+    figure = plot.parameter_figure(fit.model)
+    grid = np.array(figure.axes).reshape(3, 3)
+    for row, symbol in zip(grid, ("kappa", "gamma", "beta"), strict=True):
+        for channel, axes in enumerate(row):
+            for k in range(3):
+                x, y = line(axes, f"lobe {k}").get_data()
+                np.testing.assert_allclose(x, np.rad2deg(fit.model.theta_d))
+                np.testing.assert_array_equal(y, getattr(fit.model, symbol)[:, channel, k])
+
+
+def test_demo_figure_has_a_row_a_fit(fit, grey_fit):
+    figure = plot.demo_figure([fit, grey_fit], n_pixels=16)
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert texts[::2] == ["gold", "grey"]
+    assert f"3 lobes, error {100 * fit.errors.rel_rms:.2f} %" in texts[1]
+    pictures = [axes.images[0].get_array() for axes in figure.axes if axes.images]
+    # Measured, fitted, and three or two lobes
+    assert len(pictures) == 5 + 4
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=0.15)
+    headers = [text.get_text() for text in figure.texts]
+    assert headers[:5] == ["measured", "fitted", "lobe 0", "lobe 1", "lobe 2"]
+
+
+def test_demo_figure_puts_further_lobes_together(fit, monkeypatch):
+    monkeypatch.setattr(plot, "SHOWN_LOBES", 1)
+    figure = plot.demo_figure([fit], n_pixels=16)
+    assert [text.get_text() for text in figure.texts][:4] == ["measured", "fitted", "lobe 0", "others"]
+    fitted, first, others = ([axes.images[0].get_array() for axes in figure.axes if axes.images])[1:]
+    dim = (fitted < 1.0).all(-1)
+    linear = [picture[dim][:, :3] ** 2.2 for picture in (fitted, first, others)]
+    np.testing.assert_allclose(linear[1] + linear[2], linear[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("most", "shown"), [(2, True), (1, False)])
+def test_small_maps_have_names(monkeypatch, most, shown):
+    from dsbrdf.space import plot as maps
+
+    monkeypatch.setattr(maps, "MOST_NAMES", most)
+    picture, at = np.ones((4, 4, 4)), np.eye(2)
+    figure = maps._map([picture, picture], at, np.array([0.7, 0.3]), "", ("jade", "gold"))
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == (["jade", "gold"] if shown else [])
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf"])
+def test_write_figure(tmp_path, ending):
+    path = tmp_path / f"figure.{ending}"
+    plot.write_figure(Figure(), path)
+    assert path.stat().st_size > 500
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_half_written(tmp_path):
+    with pytest.raises(ValueError, match="bmpx"):
+        plot.write_figure(Figure(), tmp_path / "figure.bmpx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_matplotlib_is_named_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "dsbrdf.plot")
+    monkeypatch.delattr(dsbrdf, "plot")
+    with pytest.raises(
+        ModuleNotFoundError, match=r'dsbrdf.plot needs matplotlib: pip install "dsbrdf\[plot\]"'
+    ):
+        from dsbrdf import plot  # noqa: F401
+
+
+# Spheres
+
+
+def lambert(albedo):
+    model_at = np.array([0.7])
+    kappa = np.log1p(np.array(albedo) / np.pi).reshape(1, -1, 1)
+    return dsbrdf.DSBRDF(model_at, kappa, np.zeros_like(kappa), np.zeros_like(kappa))
+
+
+def test_a_lambertian_sphere_follows_the_cosines():
+    image = sphere.shade(lambert([0.9, 0.5]), 33)
+    middle = image[16, 16]
+    irradiance = sum(strength * direction[2] for direction, strength in sphere.LIGHTS)
+    np.testing.assert_allclose(middle, np.array([0.9, 0.5]) / np.pi * irradiance, rtol=1e-4)
+    assert not image[0, 0].any()
+    # Brightest toward the main light: above, on the left
+    row, column = np.unravel_index(image[..., 0].argmax(), image.shape[:2])
+    assert row < 12
+    assert column < 12
+
+
+def test_a_table_and_its_reflectance_make_the_same_sphere():
+    model = lambert([0.9, 0.5, 0.2])
+    table = dsbrdf.tabulate(model.eval, "lambert", shape=SHAPE)
+    seen, expected = sphere.shade(table, 48), sphere.shade(model, 48)
+    # Cells at the horizon are invalid, and so black
+    assert np.isclose(seen, expected, atol=1e-9).mean() > 0.97
+    assert (seen <= expected + 1e-9).all()
+
+
+def test_lobes_of_a_sphere_add_up(fit):
+    parts = sum(sphere.shade(fit.model.lobe(k), 24) for k in range(3))
+    np.testing.assert_allclose(parts, sphere.shade(fit.model, 24), rtol=1e-9, atol=1e-12)
+
+
+def test_invalid_cells_are_black(fit):
+    empty = dataclasses.replace(fit.measured, planes=np.full((1, *SHAPE), -1.0), scale=np.ones(1))
+    assert not sphere.shade(empty, 16).any()
+
+
+def test_picture_is_clear_outside():
+    picture = sphere.picture(np.full((20, 20, 3), 0.5), 1.0)
+    assert picture.shape == (20, 20, 4)
+    assert picture[0, 0, 3] == 0.0
+    assert picture[10, 10, 3] == 1.0
+    np.testing.assert_allclose(picture[10, 10, :3], 0.5 ** (1 / 2.2))
+    assert sphere.picture(np.full((4, 4, 1), 9.0), 1.0).max() == 1.0
