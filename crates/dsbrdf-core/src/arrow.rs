@@ -247,7 +247,8 @@ mod tests {
     fn example(shared: usize, block: usize, blocks: usize) -> Arrow {
         let mut arrow = Arrow::new(shared, block, blocks);
         let p = arrow.size();
-        let number = |i: usize, j: usize| ((i * 37 + j * 101 + 11) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
+        let number =
+            |i: usize, j: usize| ((i * 37 + j * 101 + 11) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
         for i in 0..p {
             arrow.gradient[i] = number(i, 3);
             for j in 0..=i {

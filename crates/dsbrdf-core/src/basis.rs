@@ -85,7 +85,8 @@ mod tests {
                 // The slope has no jump, inside spans or at knots
                 let value = |x: f64| basis.value(&COEFFICIENTS[..size], x.clamp(0.0, 1.0));
                 if (0.01..0.99).contains(&x) {
-                    let (left, right) = ((value(x) - value(x - 1e-6)) / 1e-6, (value(x + 1e-6) - value(x)) / 1e-6);
+                    let (left, right) =
+                        ((value(x) - value(x - 1e-6)) / 1e-6, (value(x + 1e-6) - value(x)) / 1e-6);
                     assert!((left - right).abs() < 1e-2, "{size} {x} {left} {right}");
                 }
             }

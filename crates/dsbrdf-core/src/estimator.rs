@@ -107,7 +107,7 @@ struct Bin {
     mean: [[f64; WIDTH]; CURVES],
     /// (lobe, position): gamma times the logarithm of the cosine.
     exponent: Vec<f64>,
-    /// (lobe, node, position): `exp(beta azimuth + falloff ln_fall)`.
+    /// (lobe, node, position): `exp(beta azimuth) cos(theta_h)^falloff`.
     factor: Vec<f64>,
     /// (lobe, channel, position): value, and derivative by `ln kappa`.
     value: Vec<f64>,
@@ -333,7 +333,11 @@ impl Bin {
     fn curve(&self, curve: usize, size: usize, coefficients: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for m in 0..size.min(WIDTH) {
-            add_scaled(coefficients[self.first[curve] + m], &self.functions[curve][m * self.n..(m + 1) * self.n], out);
+            add_scaled(
+                coefficients[self.first[curve] + m],
+                &self.functions[curve][m * self.n..(m + 1) * self.n],
+                out,
+            );
         }
     }
 
@@ -352,7 +356,11 @@ impl Bin {
             };
             let (size, coefficients) = part(GAMMA);
             self.curve(GAMMA, size, coefficients, &mut power);
-            times_exp(&observations.ln_cos[positions.clone()], &power, &mut self.exponent[k * n..(k + 1) * n]);
+            times_exp(
+                &observations.ln_cos[positions.clone()],
+                &power,
+                &mut self.exponent[k * n..(k + 1) * n],
+            );
             let (size, coefficients) = part(BETA);
             self.curve(BETA, size, coefficients, &mut beta);
             let (size, coefficients) = part(FALLOFF);
@@ -364,7 +372,7 @@ impl Bin {
                     &beta,
                     &observations.azimuth[row..row + n],
                     &power,
-                    &observations.ln_fall[row..row + n],
+                    &observations.ln_cos[positions.clone()],
                     &mut self.factor[at..at + n],
                 );
             }
@@ -423,14 +431,14 @@ impl Bin {
             for channel in 0..channels {
                 let row = node * observations.len() + self.start;
                 let azimuth = &observations.azimuth[row..row + n];
-                let ln_fall = &observations.ln_fall[row..row + n];
+                let ln_cos = &observations.ln_cos[self.start..self.start + n];
                 let at = (node * channels + channel) * n;
                 let (residual, weight) = (&self.residual[at..at + n], &self.weight[at..at + n]);
                 for k in 0..lobes {
                     let of = (k * channels + channel) * n;
                     columns(
                         weight,
-                        [azimuth, ln_fall],
+                        [azimuth, ln_cos],
                         &self.factor[(k * observations.n_nodes + node) * n..][..n],
                         &self.value[of..of + n],
                         &self.slope[of..of + n],
@@ -438,7 +446,11 @@ impl Bin {
                         &mut self.columns[SHARED.len() * k * n..SHARED.len() * (k + 1) * n],
                     );
                 }
-                products(&self.columns, n, &mut self.squares[channel * width * width..(channel + 1) * width * width]);
+                products(
+                    &self.columns,
+                    n,
+                    &mut self.squares[channel * width * width..(channel + 1) * width * width],
+                );
                 for curve in SHARED {
                     weigh(&self.functions[curve], residual, &mut weighted);
                     for k in 0..lobes {
@@ -549,11 +561,11 @@ fn values_and_slopes(p: &[f64], value: &mut [f64], slope: &mut [f64]) {
     }
 }
 
-/// `exp(beta azimuth + falloff ln_fall)`.
+/// `exp(beta azimuth) cos(theta_h)^falloff`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn factors(beta: &[f64], azimuth: &[f64], falloff: &[f64], ln_fall: &[f64], out: &mut [f64]) {
+fn factors(beta: &[f64], azimuth: &[f64], falloff: &[f64], ln_cos: &[f64], out: &mut [f64]) {
     for i in 0..out.len() {
-        out[i] = exp(beta[i].mul_add(azimuth[i], falloff[i] * ln_fall[i]));
+        out[i] = exp(beta[i].mul_add(azimuth[i], falloff[i] * ln_cos[i]));
     }
 }
 
@@ -568,7 +580,7 @@ fn add_lobe(value: &[f64], factor: &[f64], sum: &mut [f64]) {
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn columns(
     weight: &[f64],
-    [azimuth, ln_fall]: [&[f64]; 2],
+    [azimuth, ln_cos]: [&[f64]; 2],
     factor: &[f64],
     value: &[f64],
     slope: &[f64],
@@ -585,7 +597,7 @@ fn columns(
         by_kappa[i] = d;
         by_gamma[i] = d * exponent[i];
         by_beta[i] = w * value[i] * azimuth[i];
-        by_falloff[i] = w * value[i] * ln_fall[i];
+        by_falloff[i] = w * value[i] * ln_cos[i];
     }
 }
 
@@ -625,8 +637,7 @@ fn products(columns: &[f64], n: usize, squares: &mut [f64]) {
     let width = columns.len() / n;
     for i in 0..width {
         for j in 0..=i {
-            squares[i * width + j] +=
-                dot_lanes(&columns[i * n..(i + 1) * n], &columns[j * n..(j + 1) * n]);
+            squares[i * width + j] += dot_lanes(&columns[i * n..(i + 1) * n], &columns[j * n..(j + 1) * n]);
         }
     }
 }
@@ -654,7 +665,6 @@ pub mod tests {
             ln_cos: &theta.iter().map(|t| t.cos().ln()).collect::<Vec<_>>(),
             x: &x,
             azimuth: &node(3).iter().map(|a| 2.0 * a - 1.0).collect::<Vec<_>>(),
-            ln_fall: &node(6).iter().map(|a| -a).collect::<Vec<_>>(),
             value: &wide(4),
             weight: &wide(5),
         };
@@ -682,7 +692,8 @@ pub mod tests {
                     problem.cost(&x)
                 };
                 let h = 1e-4;
-                let want = (8.0 * (shifted(h) - shifted(-h)) - (shifted(2.0 * h) - shifted(-2.0 * h))) / (12.0 * h);
+                let want =
+                    (8.0 * (shifted(h) - shifted(-h)) - (shifted(2.0 * h) - shifted(-2.0 * h))) / (12.0 * h);
                 let got = equations.gradient[i];
                 assert!((got - want).abs() < 1e-6 * (1.0 + want.abs()), "{loss:?} {i}: {got} {want}");
             }

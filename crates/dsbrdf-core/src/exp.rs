@@ -1,4 +1,4 @@
-//! `exp(x) - 1` in a form that compilers turn into vector instructions.
+//! Exponentials and a logarithm in a form that compilers turn into vector instructions.
 //!
 //! No branch and no table. Fused multiply-adds round alike on every machine, so that all give the same bits; call it
 //! from functions compiled for a target that has them.
@@ -47,6 +47,22 @@ fn split(x: f64) -> (f64, f64) {
     (power, r.mul_add(r2 * odd, r2 * even) + r)
 }
 
+/// `ln(x)` to about two units in the last place for normal x > 0.
+#[inline(always)]
+pub fn ln(x: f64) -> f64 {
+    // x = 2^n m with m within a factor of sqrt(2) of 1
+    let bits = x.to_bits().wrapping_sub(0.5_f64.sqrt().to_bits());
+    let n = ((bits as i64) >> 52) as f64;
+    let m = f64::from_bits(x.to_bits().wrapping_sub(bits & 0xfff0_0000_0000_0000));
+    // ln m = 2 artanh(z)
+    let z = (m - 1.0) / (m + 1.0);
+    let z2 = z * z;
+    let even = series(z2, [0.0, 1.0 / 21.0, 1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0]);
+    let tail = series(z2, [even, 1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0]);
+    let small = (2.0 * z).mul_add(z2 * tail, n * LN2_LO);
+    n.mul_add(LN2_HI, (2.0 * z) + small)
+}
+
 /// Horner's rule, highest power first.
 #[inline(always)]
 fn series(x: f64, coefficients: [f64; 6]) -> f64 {
@@ -55,7 +71,7 @@ fn series(x: f64, coefficients: [f64; 6]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{exp, expm1};
+    use super::{exp, expm1, ln};
 
     #[test]
     fn agrees_with_the_standard_library() {
@@ -79,6 +95,17 @@ mod tests {
             }
         }
         assert_eq!(expm1(0.0), 0.0);
+    }
+
+    #[test]
+    fn logarithm_agrees_with_the_standard_library() {
+        for i in 1..200_000 {
+            for x in [f64::from(i) * 1e-5, (f64::from(i) * 0.003 - 300.0).exp()] {
+                let want = x.ln();
+                assert!((ln(x) - want).abs() <= 5e-16 * want.abs() + 1e-18, "{x:e}: {:e} {want:e}", ln(x));
+            }
+        }
+        assert_eq!(ln(1.0), 0.0);
     }
 
     #[test]

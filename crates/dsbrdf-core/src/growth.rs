@@ -46,7 +46,13 @@ const ROUNDS: usize = 6;
 const ABSENT: f64 = -30.0;
 
 /// Minimises the objective from `x`, the noise level estimated along the way.
-pub fn refine(problem: &mut Problem, mut x: Vec<f64>, n_effective: f64, iterations: usize, tolerance: f64) -> Solution {
+pub fn refine(
+    problem: &mut Problem,
+    mut x: Vec<f64>,
+    n_effective: f64,
+    iterations: usize,
+    tolerance: f64,
+) -> Solution {
     let mut spent = 0;
     let mut converged = false;
     for round in 0..ROUNDS {
@@ -63,7 +69,8 @@ pub fn refine(problem: &mut Problem, mut x: Vec<f64>, n_effective: f64, iteratio
         spent += minimum.iterations;
         problem.cost(&x);
         converged = minimum.converged;
-        let settled = (before / problem.squares.max(LEAST_SQUARES)).ln() < 0.01 || problem.squares <= LEAST_SQUARES;
+        let settled =
+            (before / problem.squares.max(LEAST_SQUARES)).ln() < 0.01 || problem.squares <= LEAST_SQUARES;
         if !converged || (settled && round > 0) || iterations <= spent {
             break;
         }
@@ -97,7 +104,12 @@ impl Plan<'_> {
     }
 
     /// A problem of these lobes.
-    pub fn problem<'a>(&self, observations: &'a Observations, shape: Shape, prior: Option<&'a Prior>) -> Problem<'a> {
+    pub fn problem<'a>(
+        &self,
+        observations: &'a Observations,
+        shape: Shape,
+        prior: Option<&'a Prior>,
+    ) -> Problem<'a> {
         Problem::new(observations, shape, self.loss, self.offset, self.penalty, prior)
     }
 

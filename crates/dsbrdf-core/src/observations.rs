@@ -10,9 +10,8 @@ pub struct Observations {
     /// `ln cos(theta_h)` and `cos(theta_d)` of each position.
     pub ln_cos: Vec<f64>,
     pub x: Vec<f64>,
-    /// (node, position): azimuthal factor times cos(2 phi_d), and the logarithm that the falloff is a power of.
+    /// (node, position): azimuthal factor times cos(2 phi_d).
     pub azimuth: Vec<f64>,
-    pub ln_fall: Vec<f64>,
     /// (node, channel, position): value, and weight; weights add up to one.
     pub value: Vec<f64>,
     pub weight: Vec<f64>,
@@ -23,7 +22,6 @@ pub struct Given<'a> {
     pub ln_cos: &'a [f64],
     pub x: &'a [f64],
     pub azimuth: &'a [f64],
-    pub ln_fall: &'a [f64],
     pub value: &'a [f64],
     pub weight: &'a [f64],
 }
@@ -56,7 +54,6 @@ impl Observations {
             ln_cos: one(given.ln_cos),
             x: one(given.x),
             azimuth: all(given.azimuth, n_nodes),
-            ln_fall: all(given.ln_fall, n_nodes),
             value: all(given.value, n_nodes * n_channels),
             weight,
         }
@@ -98,7 +95,6 @@ impl Observations {
             ln_cos: &self.ln_cos,
             x: &self.x,
             azimuth: &rows(&self.azimuth),
-            ln_fall: &rows(&self.ln_fall),
             value: &rows(&self.value),
             weight: &rows(&self.weight),
         };

@@ -82,8 +82,7 @@ impl Shape {
 
     /// Every curve: which it is, and its first unknown.
     pub fn curves(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let shared = (0..self.n_lobes)
-            .flat_map(move |k| SHARED.map(|curve| (curve, self.shared(curve, k))));
+        let shared = (0..self.n_lobes).flat_map(move |k| SHARED.map(|curve| (curve, self.shared(curve, k))));
         let colours = (0..self.n_channels)
             .flat_map(move |c| (0..self.n_lobes).map(move |k| (COLOUR, self.colour(c, k))));
         shared.chain(colours.filter(|_| self.n_colour() > 0))

@@ -69,7 +69,6 @@ impl Observations {
         ln_cos: PyReadonlyArrayDyn<'_, f64>,
         x: PyReadonlyArrayDyn<'_, f64>,
         azimuth: PyReadonlyArrayDyn<'_, f64>,
-        ln_fall: PyReadonlyArrayDyn<'_, f64>,
         value: PyReadonlyArrayDyn<'_, f64>,
         weight: PyReadonlyArrayDyn<'_, f64>,
     ) -> PyResult<Self> {
@@ -82,7 +81,6 @@ impl Observations {
             ln_cos: shaped(&ln_cos, &[n], "ln_cos")?,
             x: shaped(&x, &[n], "x")?,
             azimuth: shaped(&azimuth, &shape[..2], "azimuth")?,
-            ln_fall: shaped(&ln_fall, &shape[..2], "ln_fall")?,
             value: elements(&value, "value")?,
             weight: shaped(&weight, &shape, "weight")?,
         };
@@ -100,7 +98,12 @@ impl Observations {
     }
 
     /// Fits with 1 to `max_lobes` lobes.
-    fn grow<'py>(&self, py: Python<'py>, options: Options, max_lobes: usize) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    fn grow<'py>(
+        &self,
+        py: Python<'py>,
+        options: Options,
+        max_lobes: usize,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let plan = options.plan(self.core.n_channels)?;
         let found = pool::run(py, || {
             plan.grow(&self.core, max_lobes)

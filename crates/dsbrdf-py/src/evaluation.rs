@@ -1,6 +1,8 @@
-//! Values of a model at pairs of directions.
+//! Values of lobes at pairs of directions.
 
-use dsbrdf_core::eval::{CHUNK, Model, first_not_unit as find};
+use dsbrdf_core::directions::{CHUNK, first_not_unit as find};
+use dsbrdf_core::evaluation::{Given, Lobes};
+use dsbrdf_core::paper::eval::Model;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -8,10 +10,52 @@ use pyo3::prelude::*;
 use crate::arrays::{elements, shaped};
 use crate::pool;
 
-/// Values (direction, channel) of a model with parameters (theta_d, channel, lobe) at `wi` and `wo` (direction, xyz).
+/// Values (direction, channel) at `wi` and `wo` (direction, xyz) of curves (lobe, coefficient), colours (channel, lobe,
+/// coefficient).
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 pub fn eval<'py>(
+    py: Python<'py>,
+    wi: PyReadonlyArrayDyn<'py, f64>,
+    wo: PyReadonlyArrayDyn<'py, f64>,
+    scale: PyReadonlyArrayDyn<'py, f64>,
+    gamma: PyReadonlyArrayDyn<'py, f64>,
+    beta: PyReadonlyArrayDyn<'py, f64>,
+    falloff: PyReadonlyArrayDyn<'py, f64>,
+    colour: PyReadonlyArrayDyn<'py, f64>,
+    azimuthal_width: f64,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let &[n_channels, n_lobes, _] = colour.shape() else {
+        let got = colour.shape();
+        return Err(PyValueError::new_err(format!(
+            "'colour' must have shape (channel, lobe, coefficient), got {got:?}."
+        )));
+    };
+    for (name, array) in [("scale", &scale), ("gamma", &gamma), ("beta", &beta), ("falloff", &falloff)] {
+        if array.shape().len() != 2 || array.shape()[0] != n_lobes {
+            let got = array.shape();
+            return Err(PyValueError::new_err(format!(
+                "'{name}' must have shape ({n_lobes}, coefficient), got {got:?}."
+            )));
+        }
+    }
+    let lobes = Lobes::new(&Given {
+        n_lobes,
+        n_channels,
+        scale: elements(&scale, "scale")?,
+        gamma: elements(&gamma, "gamma")?,
+        beta: elements(&beta, "beta")?,
+        falloff: elements(&falloff, "falloff")?,
+        colour: elements(&colour, "colour")?,
+        azimuthal_width,
+    });
+    values(py, &wi, &wo, n_channels, |wi, wo, values| lobes.eval(wi, wo, values))
+}
+
+/// Values (direction, channel) of slices with parameters (theta_d, channel, lobe) at `wi` and `wo` (direction, xyz).
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn eval_slices<'py>(
     py: Python<'py>,
     wi: PyReadonlyArrayDyn<'py, f64>,
     wo: PyReadonlyArrayDyn<'py, f64>,
@@ -45,8 +89,19 @@ pub fn eval<'py>(
         spike_sin2,
         azimuthal_width,
     };
-    let wi = elements(&wi, "wi")?;
-    let wo = elements(&wo, "wo")?;
+    values(py, &wi, &wo, n_channels, |wi, wo, values| model.eval(wi, wo, values))
+}
+
+/// Values (direction, channel) that `eval` writes for pairs of directions.
+fn values<'py>(
+    py: Python<'py>,
+    wi: &PyReadonlyArrayDyn<'py, f64>,
+    wo: &PyReadonlyArrayDyn<'py, f64>,
+    n_channels: usize,
+    eval: impl Fn(&[f64], &[f64], &mut [f64]) + Send + Sync,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let wi = elements(wi, "wi")?;
+    let wo = elements(wo, "wo")?;
     if wi.len() != wo.len() || wi.len() % 3 != 0 {
         let (got_i, got_o) = (wi.len(), wo.len());
         return Err(PyValueError::new_err(format!(
@@ -56,7 +111,7 @@ pub fn eval<'py>(
     let n = wi.len() / 3;
     let mut values = vec![0.0; n * n_channels];
     if n_channels > 0 {
-        pool::run_if_above(CHUNK, n, py, || model.eval(wi, wo, &mut values));
+        pool::run_if_above(CHUNK, n, py, || eval(wi, wo, &mut values));
     }
     PyArray1::from_vec(py, values).reshape([n, n_channels].as_slice())
 }

@@ -3,7 +3,7 @@
 mod arrays;
 mod estimation;
 mod evaluation;
-mod fitting;
+mod paper;
 mod pool;
 mod profiles;
 
@@ -13,17 +13,17 @@ use pyo3::prelude::*;
 mod _core {
     /// Limits of the fit.
     #[pymodule_export]
-    const MAX_HEIGHT: f64 = dsbrdf_core::mixture::MAX_HEIGHT;
+    const MAX_HEIGHT: f64 = dsbrdf_core::paper::mixture::MAX_HEIGHT;
     #[pymodule_export]
-    const MAX_LN_GAMMA: f64 = dsbrdf_core::mixture::MAX_LN_GAMMA;
+    const MAX_LN_GAMMA: f64 = dsbrdf_core::paper::mixture::MAX_LN_GAMMA;
     #[pymodule_export]
-    const MAX_ASIN_BETA: f64 = dsbrdf_core::mixture::MAX_ASIN_BETA;
+    const MAX_ASIN_BETA: f64 = dsbrdf_core::paper::mixture::MAX_ASIN_BETA;
     #[pymodule_export]
     use crate::estimation::Observations;
     #[pymodule_export]
-    use crate::evaluation::{eval, first_not_unit};
+    use crate::evaluation::{eval, eval_slices, first_not_unit};
     #[pymodule_export]
-    use crate::fitting::{em, fit, grow};
+    use crate::paper::{em, fit, grow};
     #[pymodule_export]
     use crate::profiles::{collapse, decreasing};
 }

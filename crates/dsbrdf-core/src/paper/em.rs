@@ -1,9 +1,9 @@
 //! The expectation-maximisation of Section 4: each lobe is fitted to its share of the slice, in turn.
 
 use crate::levenberg_marquardt::Stop;
-use crate::lobe::{Lobe, values};
-use crate::mixture::Mixture;
-use crate::slice::Slice;
+use crate::paper::lobe::{Lobe, values};
+use crate::paper::mixture::Mixture;
+use crate::paper::slice::Slice;
 
 /// When a lobe's fit to its share (the M-step) stops.
 const M_STEP: Stop = Stop { max_iterations: 30, cost: 1e-3, floor: 0.0, energy: 0.0 };
@@ -95,7 +95,7 @@ fn e_step(slice: &Slice, lobes: &[Lobe], value: &mut [f64], total: &mut [f64]) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slice::{Loss, tests::Samples};
+    use crate::paper::slice::{Loss, tests::Samples};
 
     #[test]
     fn starts_from_halved_parameters() {

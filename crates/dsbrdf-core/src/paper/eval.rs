@@ -2,12 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::directions::{BLOCK, CHUNK, Coordinates};
 use crate::exp::{exp, expm1};
-
-/// Directions handled together, so that the loops over lobes run in vector instructions.
-const BLOCK: usize = 64;
-/// Directions given to a thread at a time.
-pub const CHUNK: usize = 64 * BLOCK;
 
 /// The numbers of a model, (theta_d, channel, lobe) flattened; theta_d ascending.
 pub struct Model<'a> {
@@ -21,7 +17,7 @@ pub struct Model<'a> {
     pub spike: &'a [f64],
     /// `sin(theta_h)^2` at which a spike ends.
     pub spike_sin2: f64,
-    /// The constant c of the azimuthal factor, see [`Block`].
+    /// The constant c of the azimuthal factor, see [`Coordinates`].
     pub azimuthal_width: f64,
 }
 
@@ -47,9 +43,6 @@ impl Model<'_> {
 }
 
 /// What the model depends on, for up to [`BLOCK`] pairs of directions.
-///
-/// With `p = sin(theta_h) sin(theta_d)` and `q = cos(theta_h) cos(theta_d)`, the azimuthal factor is
-/// `p / sqrt(p^2 + (c q)^2)`. Each expression is symmetric in the two directions to the last bit.
 struct Block {
     ln_cos: [f64; BLOCK],
     /// Shape of a spike at theta_h.
@@ -76,32 +69,18 @@ impl Default for Block {
 
 impl Block {
     fn set(&mut self, model: &Model, wi: &[f64], wo: &[f64]) {
-        let (sin2, tan_d) = self.vectors(model.azimuthal_width, wi, wo);
+        let at = Coordinates::of(model.azimuthal_width, wi, wo);
+        self.azimuth = at.azimuth;
         for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
             // With the half vector on the horizon, the logarithm stays finite
-            self.ln_cos[j] = 0.5 * (-sin2[j].min(1.0 - 0.5 * f64::EPSILON)).ln_1p();
-            self.cap[j] = (1.0 - sin2[j] / model.spike_sin2).max(0.0);
+            self.ln_cos[j] = 0.5 * (-at.sin2[j].min(1.0 - 0.5 * f64::EPSILON)).ln_1p();
+            self.cap[j] = (1.0 - at.sin2[j] / model.spike_sin2).max(0.0);
             let above = if wi[2] >= 0.0 && wo[2] >= 0.0 { 1.0 } else { 0.0 };
-            let (slice, next) = between(model.theta_d, tan_d[j].atan());
+            let (slice, next) = between(model.theta_d, (at.d2[j] / at.s2[j]).sqrt().atan());
             self.slice[j] = slice;
             self.weight[0][j] = above * (1.0 - next);
             self.weight[1][j] = above * next;
         }
-    }
-
-    /// Sets `azimuth`; `sin(theta_h)^2` and `tan(theta_d)`.
-    fn vectors(&mut self, azimuthal_width: f64, wi: &[f64], wo: &[f64]) -> ([f64; BLOCK], [f64; BLOCK]) {
-        let mut s = [[0.0; BLOCK]; 3];
-        let mut d = [[0.0; BLOCK]; 3];
-        for (j, (wi, wo)) in wi.chunks_exact(3).zip(wo.chunks_exact(3)).enumerate() {
-            for axis in 0..3 {
-                s[axis][j] = wi[axis] + wo[axis];
-                d[axis][j] = wi[axis] - wo[axis];
-            }
-        }
-        let (mut sin2, mut tan_d) = ([0.0; BLOCK], [0.0; BLOCK]);
-        angles(azimuthal_width, &s, &d, &mut sin2, &mut tan_d, &mut self.azimuth);
-        (sin2, tan_d)
     }
 
     fn add_spike(&self, model: &Model, channel: usize, sum: &mut [f64; BLOCK]) {
@@ -127,34 +106,6 @@ impl Block {
                 values[channel] = *sum;
             }
         }
-    }
-}
-
-/// `sin(theta_h)^2`, `tan(theta_d)` and azimuthal factor times cos(2 phi_d) of sums `s` and differences `d`.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
-fn angles(
-    azimuthal_width: f64,
-    s: &[[f64; BLOCK]; 3],
-    d: &[[f64; BLOCK]; 3],
-    sin2: &mut [f64; BLOCK],
-    tan_d: &mut [f64; BLOCK],
-    azimuth: &mut [f64; BLOCK],
-) {
-    for j in 0..BLOCK {
-        let rho2 = s[0][j] * s[0][j] + s[1][j] * s[1][j];
-        let s2 = rho2 + s[2][j] * s[2][j];
-        let d2 = d[0][j] * d[0][j] + d[1][j] * d[1][j] + d[2][j] * d[2][j];
-        sin2[j] = if s2 > 0.0 { rho2 / s2 } else { 1.0 };
-        tan_d[j] = if s2 > 0.0 { (d2 / s2).sqrt() } else { f64::INFINITY };
-
-        // cos(phi_d) : sin(phi_d) = d_z |s| : (d cross s)_z, and the sum of their squares is (2 p |s|)^2
-        let along2 = d[2][j] * d[2][j] * s2;
-        let cross = d[1][j] * s[0][j] - d[0][j] * s[1][j];
-        let across2 = cross * cross;
-        let both = along2 + across2;
-        let c_q = azimuthal_width * s[2][j];
-        let product = both * (both + c_q * c_q * s2);
-        azimuth[j] = if product > 0.0 { (along2 - across2) / product.sqrt() } else { 0.0 };
     }
 }
 
@@ -187,16 +138,6 @@ fn between(nodes: &[f64], x: f64) -> (usize, f64) {
     let low = (above - 1).min(nodes.len() - 2);
     let weight = (x - nodes[low]) / (nodes[low + 1] - nodes[low]);
     (low, weight.min(1.0))
-}
-
-/// Index of the first direction whose length differs from 1 by more than `tolerance`.
-#[must_use]
-pub fn first_not_unit(directions: &[f64], tolerance: f64) -> Option<usize> {
-    let off = |w: &[f64]| {
-        let length = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]).sqrt();
-        (length - 1.0).abs() > tolerance || length.is_nan()
-    };
-    directions.par_chunks_exact(3).with_min_len(CHUNK).position_first(off)
 }
 
 #[cfg(test)]

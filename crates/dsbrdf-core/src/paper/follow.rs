@@ -1,8 +1,8 @@
 //! Which lobes of neighbouring slices, and of channels, are the same (Section 4).
 
-use crate::assignment::{assign, distance};
-use crate::lobe::Lobe;
-use crate::slice_fit::{SliceFit, Status, best};
+use crate::paper::assignment::{assign, distance};
+use crate::paper::lobe::Lobe;
+use crate::paper::slice_fit::{SliceFit, Status, best};
 
 /// A candidate within this of the best objective may be taken for the sake of smooth curves.
 const AS_GOOD: f64 = 2e-4;

@@ -1,6 +1,6 @@
 //! One theta_d slice of one channel, ready for least squares.
 
-use crate::mixture::MAX_HEIGHT;
+use crate::paper::mixture::MAX_HEIGHT;
 use crate::profile::{COUNT, MOMENTS, SUM_C, SUM_CC, SUM_F, SUM_FC, SUM_FF};
 
 /// Rows are padded to a multiple of this with weight zero, so that inner loops have no remainder.

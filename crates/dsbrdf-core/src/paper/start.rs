@@ -1,10 +1,10 @@
 //! Starts that add one lobe at a time where the fit so far falls short.
 
-use crate::em::estimate_lobe;
 use crate::levenberg_marquardt::Stop;
-use crate::lobe::{ABSENT, Lobe, values};
-use crate::mixture::Mixture;
-use crate::slice::Slice;
+use crate::paper::em::estimate_lobe;
+use crate::paper::lobe::{ABSENT, Lobe, values};
+use crate::paper::mixture::Mixture;
+use crate::paper::slice::Slice;
 
 /// Values of beta that a new lobe may start from.
 const PLAIN: [f64; 1] = [0.0];
@@ -57,7 +57,7 @@ fn lobe_at_remainder(slice: &Slice, lobes: &[Lobe], beta: f64) -> Lobe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slice::{Loss, tests::Samples};
+    use crate::paper::slice::{Loss, tests::Samples};
 
     #[test]
     fn more_lobes_fit_no_worse() {

@@ -1,11 +1,11 @@
 //! The fit of all slices of a BRDF, and the EM of one slice.
 
-use dsbrdf_core::em::{expectation_maximisation, halved_start};
-use dsbrdf_core::fit::{Method, Plan, fit as fit_slices, grow_all, slices};
-use dsbrdf_core::lobe::Lobe;
+use dsbrdf_core::paper::em::{expectation_maximisation, halved_start};
+use dsbrdf_core::paper::fit::{Method, Plan, fit as fit_slices, grow_all, slices};
+use dsbrdf_core::paper::lobe::Lobe;
+use dsbrdf_core::paper::slice::{Loss, Slice};
+use dsbrdf_core::paper::slice_fit::SliceFit;
 use dsbrdf_core::profile::MOMENTS;
-use dsbrdf_core::slice::{Loss, Slice};
-use dsbrdf_core::slice_fit::SliceFit;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -2,8 +2,8 @@
 
 use crate::arrow::Arrow;
 use crate::levenberg_marquardt::{LeastSquares, Minimum, Stop, minimise};
-use crate::lobe::{Lobe, values_and_slopes};
-use crate::slice::{LANES, Loss, Slice};
+use crate::paper::lobe::{Lobe, values_and_slopes};
+use crate::paper::slice::{LANES, Loss, Slice};
 
 /// Least `ln kappa`: below, a lobe is as good as absent.
 const LN_KAPPA_LOW: f64 = -40.0;
@@ -244,7 +244,7 @@ fn normal_equations(jacobian: &[f64], residual: &[f64], equations: &mut Arrow) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slice::tests::Samples;
+    use crate::paper::slice::tests::Samples;
 
     /// Central differences to fourth order of the residual rows.
     fn difference(problem: &mut Mixture, x: &[f64], i: usize) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! What the fit of one slice gives.
 
-use crate::lobe::Lobe;
+use crate::paper::lobe::Lobe;
 
 /// How the fit of a slice ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::em::{expectation_maximisation, halved_start};
-use crate::follow::{follow, match_channels, sorted};
 use crate::levenberg_marquardt::Stop;
-use crate::lobe::{ABSENT, Lobe};
-use crate::mixture::Mixture;
-use crate::slice::{Loss, Slice};
-use crate::slice_fit::{SliceFit, Status, best};
-use crate::start::grow;
+use crate::paper::em::{expectation_maximisation, halved_start};
+use crate::paper::follow::{follow, match_channels, sorted};
+use crate::paper::lobe::{ABSENT, Lobe};
+use crate::paper::mixture::Mixture;
+use crate::paper::slice::{Loss, Slice};
+use crate::paper::slice_fit::{SliceFit, Status, best};
+use crate::paper::start::grow;
 
 /// Rounds of the EM, and the relative change of its objective at which it stops.
 const EM_ROUNDS: usize = 60;
@@ -245,7 +245,7 @@ pub fn slices(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slice::tests::Samples;
+    use crate::paper::slice::tests::Samples;
 
     const PLAN: Plan = Plan { n_lobes: 2, method: Method::Joint, azimuthal: true, follow: true };
 

@@ -1,6 +1,6 @@
 //! Which lobe of one set continues which lobe of another.
 
-use crate::lobe::Lobe;
+use crate::paper::lobe::Lobe;
 
 /// Added to gamma before its logarithm: flatter lobes than this look alike.
 const FLAT: f64 = 0.1;
