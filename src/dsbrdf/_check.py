@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _core
 
-__all__ = ["angle", "finite", "unit_vectors"]
+__all__ = ["angle", "finite", "unit_vectors", "unit_vectors_any"]
 
 UNIT_TOLERANCE = 1e-4
 
@@ -87,12 +87,39 @@ def unit_vectors(value: Any, name: str) -> NDArray[np.float64]:
     flat = np.ascontiguousarray(array).reshape(-1, 3)
     first = _core.first_not_unit(flat, UNIT_TOLERANCE)
     if first is not None:
-        where = np.unravel_index(first, array.shape[:-1])
-        index = tuple(int(i) for i in where)
-        place = "" if not index else f" at index {index[0] if len(index) == 1 else index}"
-        norm = math.hypot(*flat[first])
-        raise ValueError(
-            f"'{name}' must be unit vectors on the last axis, got norm {norm:.6g}{place}. "
-            f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
-        )
+        index = tuple(int(i) for i in np.unravel_index(first, array.shape[:-1]))
+        raise _not_unit(name, math.hypot(*flat[first]), index)
     return array
+
+
+def unit_vectors_any(xp: Any, array: Any, name: str) -> None:
+    """Refuse vectors of any array library that are not unit; values that are not there yet (in `jax.jit`) pass.
+
+    Raises
+    ------
+    ValueError
+        As `unit_vectors`.
+    """
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(
+            f"'{name}' must have x, y, z on its last axis, got shape {tuple(array.shape)}."
+        )
+    norm = xp.sqrt(xp.sum(array * array, axis=-1))
+    off = ~(xp.abs(norm - 1.0) <= UNIT_TOLERANCE)
+    try:
+        some = bool(xp.any(off))
+    except Exception:  # each library has its own error for a value that is being traced
+        return
+    if some:
+        flat = np.asarray(xp.reshape(norm, (-1,)).tolist())
+        first = int(np.flatnonzero(~(np.abs(flat - 1.0) <= UNIT_TOLERANCE))[0])
+        index = tuple(int(i) for i in np.unravel_index(first, tuple(array.shape[:-1])))
+        raise _not_unit(name, float(flat[first]), index)
+
+
+def _not_unit(name: str, norm: float, index: tuple[int, ...]) -> ValueError:
+    place = "" if not index else f" at index {index[0] if len(index) == 1 else index}"
+    return ValueError(
+        f"'{name}' must be unit vectors on the last axis, got norm {norm:.6g}{place}. "
+        f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
+    )

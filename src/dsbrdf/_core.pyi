@@ -1,6 +1,6 @@
 """Signatures of the compiled kernel; see crates/dsbrdf-py."""
 
-from typing import TypedDict
+from typing import Any, Protocol, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,43 @@ class _Fit(TypedDict):
     iterations: list[int]
     status: list[int]
     em_history: list[list[float]]
+
+class _Solution(TypedDict):
+    n_lobes: int
+    x: _Floats
+    squares: float
+    objective: float
+    log_det: float
+    iterations: int
+    converged: bool
+
+class _Options(Protocol):
+    sizes: tuple[int, int, int, int, int]
+    loss: str
+    offset: list[float]
+    penalty: tuple[float, float, float]
+    n_effective: float
+
+class Observations:
+    def __new__(
+        cls, ln_cos: _Floats, x: _Floats, azimuth: _Floats, value: _Floats, weight: _Floats
+    ) -> Observations: ...
+    def __len__(self) -> int: ...
+    def thinned(self, n: int) -> Observations: ...
+    def grow(self, options: Any, max_lobes: int) -> list[_Solution]: ...
+    def refine(
+        self,
+        options: Any,
+        n_lobes: int,
+        x: list[float],
+        *,
+        iterations: int,
+        tolerance: float,
+        prior: tuple[list[float], list[float]] | None = None,
+    ) -> _Solution: ...
+    def normal_equations(
+        self, options: Any, n_lobes: int, x: list[float]
+    ) -> tuple[float, _Floats, _Floats]: ...
 
 def collapse(
     bytes: NDArray[np.uint8], shape: list[int], scale: _Floats, cos_2phi: _Floats, theta_d: list[int]
@@ -47,6 +84,16 @@ def em(
     start: list[tuple[float, float]] | None = None,
 ) -> tuple[list[tuple[float, float]], list[float], bool]: ...
 def eval(
+    wi: _Floats,
+    wo: _Floats,
+    scale: _Floats,
+    gamma: _Floats,
+    beta: _Floats,
+    falloff: _Floats,
+    colour: _Floats,
+    azimuthal_width: float,
+) -> _Floats: ...
+def eval_slices(
     wi: _Floats,
     wo: _Floats,
     theta_d: _Floats,

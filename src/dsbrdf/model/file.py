@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +14,16 @@ from dsbrdf import _files
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.collapse import MeasuredProfile
-from dsbrdf.paper.curves import COEFFICIENTS, Curves
+from dsbrdf.model.lobes import Lobes
+from dsbrdf.measured.profile import MeasuredProfile
 
 __all__ = ["SCHEMA", "ModelFormatError", "load", "models_in", "save"]
 
 #: Version of the layout; every later version of the package reads it.
-SCHEMA = 2
+SCHEMA = 1
 FORMAT = "dsbrdf model"
-PARAMETERS = ("theta_d", "kappa", "gamma", "beta")
-#: May be missing: there was none in the first files of schema 1.
-SPIKE = "spike"
-#: Since schema 2; the only one there is so far.
+LOBES = ("scale", "gamma", "beta", "falloff", "colour")
 WIDTH = "azimuthal_width"
-#: Since schema 2, in place of the parameters of slices.
-CURVES = "curves"
 PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
 #: Numbers of the profile, which is there for plots.
 PROFILE_DIGITS = 5
@@ -50,15 +44,20 @@ def save(model: DSBRDF, path: str | Path) -> None:
     ------
     OSError
         If the file cannot be written.
+    TypeError
+        If the parameters carry gradients and have no values.
     """
+    lobes = model.lobes.numpy
     content: dict[str, Any] = {
         "format": FORMAT,
         "schema": SCHEMA,
         "name": model.name,
-        "units": "radians; 1/sr without the cosine; arrays are (theta_d, channel, lobe), "
-        "spike (theta_d, channel)",
+        "units": "radians; 1/sr without the cosine",
+        "formula": "sum over lobes of expm1(kappa cos(theta_h)^gamma) cos(theta_h)^falloff exp(beta g cos(2 phi_d)); "
+        "ln(kappa) = scale + colour, ln(gamma), beta and falloff are curves over cos(theta_d)",
         WIDTH: AZIMUTHAL_WIDTH,
-        **_parameters_to_json(model),
+        "channels": list(model.channels),
+        "lobes": {key: getattr(lobes, key).tolist() for key in LOBES},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
         "errors": {key: value if np.isfinite(value) else None for key, value in model.errors.items()},
@@ -69,15 +68,8 @@ def save(model: DSBRDF, path: str | Path) -> None:
         part.write_text(_to_text(content) + "\n", encoding="utf-8")
 
 
-def _parameters_to_json(model: DSBRDF) -> dict[str, Any]:
-    """Parameters of the slices, or the curves that they are tabulated from."""
-    if model.curves is not None:
-        return {CURVES: model.curves.to_json()}
-    return {key: np.asarray(getattr(model, key), dtype=float).tolist() for key in (*PARAMETERS, SPIKE)}
-
-
 def _to_text(content: dict[str, Any]) -> str:
-    """JSON with a line for each slice of an array."""
+    """JSON with a line for each row of an array."""
     entries = []
     for key, value in content.items():
         if isinstance(value, list):
@@ -153,9 +145,9 @@ def load(path: str | Path) -> DSBRDF:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ModelFormatError(f'{path}: not a model file: expected "format": "{FORMAT}".')
     schema = content.get("schema")
-    if type(schema) is not int or not 1 <= schema <= SCHEMA:
+    if type(schema) is not int or schema != SCHEMA:
         raise ModelFormatError(
-            f"{path}: schema {schema!r:.40} is not among those this version reads (1 to {SCHEMA}). Update dsbrdf."
+            f"{path}: schema {schema!r:.40} is not among those this version reads ({SCHEMA}). Update dsbrdf."
         )
     if content.get(WIDTH, AZIMUTHAL_WIDTH) != AZIMUTHAL_WIDTH:
         raise ModelFormatError(
@@ -169,9 +161,9 @@ def load(path: str | Path) -> DSBRDF:
                 f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
             )
     try:
-        make, parameters = _parameters_from_json(content)
-        return make(
-            **parameters,
+        return DSBRDF(
+            Lobes(**{key: _numbers(content["lobes"], key) for key in LOBES}),
+            [str(name) for name in content["channels"]],
             name=str(content.get("name") or ""),
             source=Source(description=str(source.get("description", "")), recorded=source),
             fit_options=options,
@@ -182,17 +174,6 @@ def load(path: str | Path) -> DSBRDF:
         raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None
     except (TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
         raise ModelFormatError(f"{path}: not a sound model: {error}") from None
-
-
-def _parameters_from_json(content: dict[str, Any]) -> tuple[Callable[..., DSBRDF], dict[str, Any]]:
-    """What makes the model, and its parameters."""
-    if content.get(CURVES):
-        curves = content[CURVES]
-        for key in COEFFICIENTS:
-            _numbers(curves, key)
-        return Curves.from_json(curves).model, {}
-    spike = _numbers(content, SPIKE) if SPIKE in content else None
-    return DSBRDF, {key: _numbers(content, key) for key in PARAMETERS} | {"spike": spike}
 
 
 def _numbers(content: dict[str, Any], key: str) -> NDArray[np.float64]:

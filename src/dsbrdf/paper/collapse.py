@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf.measured.profile import amplitude, ratio
 from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = [
     "MIN_THETA_H",
     "N_SLICES",
-    "MeasuredProfile",
     "SliceProfile",
     "gather_profile",
     "slice_profiles",
@@ -65,7 +65,7 @@ class SliceProfile:
     @property
     def mean(self) -> NDArray[np.float64]:
         """Mean over phi_d in 1/sr, (channel, theta_h); NaN where there is no sample."""
-        return _ratio(self.moments[..., 1], self.count)
+        return ratio(self.moments[..., 1], self.count)
 
     @property
     def energy(self) -> NDArray[np.float64]:
@@ -76,71 +76,13 @@ class SliceProfile:
     @property
     def azimuthal_amplitude(self) -> NDArray[np.float64]:
         """Best amplitude of `cos(2 phi_d)` in 1/sr, (channel, theta_h); NaN where it cannot be told."""
-        n, f, _, c, cc, fc = np.moveaxis(self.moments, -1, 0)
-        spread = cc - c * _ratio(c, n)
-        amplitude = _ratio(fc - f * _ratio(c, n), spread)
-        return np.where(spread > 1e-12 * n, amplitude, np.nan)
+        return amplitude(self.moments)
 
     def cut(self, min_theta_h: float) -> SliceProfile:
         """The slice without its samples of theta_h below `min_theta_h` (radians)."""
         kept = self.theta_h >= min_theta_h
         numbers = None if self.numbers is None else np.where(kept, self.numbers, 0.0)
         return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0), numbers)
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredProfile:
-    """What was fitted, for plots beside a model; the samples themselves are not kept.
-
-    Parameters
-    ----------
-    theta_d : (slice,) ndarray, radians
-    theta_h : (slice, theta_h) ndarray, radians
-    mean : (slice, channel, theta_h) ndarray, 1/sr
-        Over phi_d; NaN where there is no sample.
-    amplitude : (slice, channel, theta_h) ndarray, 1/sr
-        Of `cos(2 phi_d)`, so that `mean + amplitude` is at phi_d = 0; NaN where it cannot be told.
-
-    Raises
-    ------
-    ValueError
-        If shapes disagree.
-    """
-
-    theta_d: NDArray[np.float64]
-    theta_h: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name, n_axes in (("theta_d", 1), ("theta_h", 2), ("mean", 3), ("amplitude", 3)):
-            array = np.asarray(getattr(self, name), dtype=np.float64)
-            if array.ndim != n_axes or len(array) != len(self.theta_d):
-                raise ValueError(
-                    f"'{name}' of a profile must have {n_axes} axes, the first of {len(self.theta_d)} slices, "
-                    f"got shape {array.shape}."
-                )
-            object.__setattr__(self, name, array)
-        if self.mean.shape != self.amplitude.shape or self.mean.shape[::2] != self.theta_h.shape:
-            raise ValueError(
-                f"a profile's 'mean' and 'amplitude' must have shape (slice, channel, theta_h) with 'theta_h' "
-                f"{self.theta_h.shape}, got {self.mean.shape} and {self.amplitude.shape}."
-            )
-
-    @classmethod
-    def of(cls, profiles: Sequence[SliceProfile]) -> MeasuredProfile:
-        """Return the summary of slices."""
-        theta_d, theta_h, moments = stack_profiles(profiles)
-        stacked = SliceProfile(0.0, theta_h[0], moments)
-        return cls(theta_d, theta_h, stacked.mean, stacked.azimuthal_amplitude)
-
-
-def _ratio(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`x / y`, NaN where y is zero."""
-    ratio: NDArray[np.float64] = np.divide(
-        x, y, out=np.full(np.broadcast(x, y).shape, np.nan), where=y != 0.0
-    )
-    return ratio
 
 
 def slice_rows(n_rows: int, n_slices: int = N_SLICES) -> NDArray[np.int_]:

@@ -14,7 +14,8 @@ from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.paper import metrics
-from dsbrdf.paper.collapse import MeasuredProfile, SliceProfile, slice_rows, stack_profiles
+from dsbrdf.measured.profile import MeasuredProfile
+from dsbrdf.paper.collapse import SliceProfile, slice_rows, stack_profiles
 from dsbrdf.paper.selection import LobeSelection
 
 if TYPE_CHECKING:
@@ -172,6 +173,6 @@ def model_of(
         source=measured.source,
         fit_options=options,
         errors=errors.summary(),
-        profile=MeasuredProfile.of(profiles),
+        profile=MeasuredProfile.of(*stack_profiles(profiles)),
     )
     return model, errors

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.collapse import MeasuredProfile
+from dsbrdf.measured.profile import MeasuredProfile
 
 __all__ = ["Packed", "pack"]
 
