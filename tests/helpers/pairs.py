@@ -4,7 +4,6 @@ import numpy as np
 
 #: In 1/sr. Next to a slice whose value is next to nothing, single precision blurs the share of the other slice.
 TINY = 1e-8
-
 DECODED = ("nickel", "specular-blue-phenolic", "chrome")
 
 

@@ -165,7 +165,7 @@ def test_demo_figure_has_a_row_a_fit(fit, grey_fit):
 
 
 def test_demo_figure_puts_further_lobes_together(fit, monkeypatch):
-    monkeypatch.setattr(plot, "SHOWN_LOBES", 1)
+    monkeypatch.setattr(plot.model, "SHOWN_LOBES", 1)
     figure = plot.demo_figure([fit], n_pixels=16)
     assert [text.get_text() for text in figure.texts][:4] == ["measured", "fitted", "lobe 0", "others"]
     fitted, first, others = ([axes.images[0].get_array() for axes in figure.axes if axes.images])[1:]
