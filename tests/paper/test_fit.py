@@ -188,7 +188,8 @@ def test_converged_means_minimum(name, azimuthal):
 
 DIGEST = """
 import hashlib, warnings
-from dsbrdf import fit, materials, tabulate
+from dsbrdf import fit, tabulate
+from dsbrdf.measured import built_in as materials
 
 warnings.simplefilter("ignore")
 model = fit(tabulate(materials.get("satin-plastic").reflectance, "", shape=(90, 18, 36)), 3).model
