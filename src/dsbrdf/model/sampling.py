@@ -1,101 +1,281 @@
-"""Exact importance sampling of a model, and its directional albedo.
+"""The sampler of a model: directions from lobes, and the density they have. All renderers use its tables.
 
-A renderer knows one direction only, so theta_d is not known before sampling: half vectors are drawn from the lobes
-of the slice nearest to the angle of that direction, channels averaged, and `pdf` describes just that sampler. The
-azimuthal term is left to the weight. A spike is one more lobe. A share of cosine-weighted directions covers what
-lobes leave out.
+A renderer knows one direction only. For a row of angles of that direction, half vectors are drawn from a mixture of
+the lobes that the model has at this theta_d, channels merged into one; and directions are drawn from the cosine.
+
+- A lobe is a mixture of cosine powers, with u = cos(theta_h) `expm1(kappa u^gamma) u^falloff =
+  sum kappa^n u^(n gamma + falloff) / n!`, so a draw is `u = xi^(1 / exponent)` with an exponent taken from an alias
+  table (Walker 1977; Vose 1991): one look-up. A cosine-weighted direction is one more power.
+- A half vector h and its image at the other azimuth are exchanged so that the one turned toward the direction is met
+  in proportion to its projected area (Heitz and d'Eon 2014): few samples fall below the horizon.
+- The shares of the mixture are those of least Kullback-Leibler divergence from what is to be sampled, the value times
+  the cosine; a few steps of EM on quadrature nodes find them.
+
+The azimuthal factor is left to the weight. The density of all this has a closed form, so a weight `value cos / pdf` is
+exact whatever the shares are.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammaln
 
 from dsbrdf import _check
 from dsbrdf.geometry import half_diff
-from dsbrdf.geometry.directions import albedo_nodes, polar
-from dsbrdf.model import hemi_epd
-from dsbrdf.paper import spike
+from dsbrdf.geometry.directions import polar
+from dsbrdf.model import evaluation
+from dsbrdf.model.lobes import Lobes
 
-if TYPE_CHECKING:
-    from dsbrdf.model.dsbrdf import DSBRDF
+__all__ = ["COSINE", "N_ROWS", "SamplingTables", "pdf", "sample", "tables", "tables_for"]
 
-__all__ = ["albedo", "pdf", "sample"]
+Array = NDArray[np.float64]
+Value = Callable[[Array, Array], Array]
 
-#: Share of samples that are cosine-weighted.
-COSINE_SHARE = 0.1
+#: Rows in the angle of the known direction: every three degrees.
+N_ROWS = 31
+#: Least share of cosine-weighted directions; covers what lobes leave out.
+MIN_COSINE_SHARE = 0.05
+#: Exponent that stands for a cosine-weighted direction.
+COSINE = -2.0
 #: Lobes dimmer than this are sampled as if they were as bright.
 MIN_KAPPA = 1e-9
+EM_STEPS = 15
 
 
-def _slice_lobes(
-    model: DSBRDF,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return kappa and gamma (theta_d, lobe) of the lobes, and the probability of each and of the spike."""
-    kappa = np.maximum(np.asarray(model.kappa).mean(1), MIN_KAPPA)
-    gamma = np.asarray(model.gamma).mean(1)
-    of_lobes = np.exp(-hemi_epd.log_normaliser(kappa, gamma))
-    of_spike = np.asarray(model.spike).mean(1, keepdims=True) / spike.solid_angle_density(0.0)
-    weight = np.concatenate([of_lobes, of_spike], axis=1)
-    return kappa, gamma, weight / weight.sum(1, keepdims=True)
+@dataclass(frozen=True, eq=False)
+class SamplingTables:
+    """What a sampler looks up by the row of the known direction's angle.
+
+    Parameters
+    ----------
+    kappa, gamma, falloff : (row, lobe) ndarray
+        Of the lobes with all channels merged.
+    normaliser : (row, lobe) ndarray
+        Factor from `expm1(kappa u^gamma) u^(falloff + 1)` to a density of half vectors over solid angle.
+    shares : (row, lobe) ndarray
+        Of the lobes; the rest is the share of cosine-weighted directions.
+    alias : (row, entry, 3) ndarray
+        Probability to stay with an entry, its exponent, and the exponent to take otherwise.
+    """
+
+    kappa: Array
+    gamma: Array
+    falloff: Array
+    normaliser: Array
+    shares: Array
+    alias: Array
+
+    @property
+    def cosine(self) -> Array:
+        """Share (row,) of cosine-weighted directions."""
+        rest: Array = 1.0 - self.shares.sum(1)
+        return rest
 
 
-def _nearest_slice(model: DSBRDF, theta: NDArray[np.float64]) -> NDArray[np.int_]:
-    between = 0.5 * (model.theta_d[1:] + model.theta_d[:-1])
-    return np.searchsorted(between, theta)
+_made: WeakKeyDictionary[Lobes, SamplingTables] = WeakKeyDictionary()
 
 
-def sample(model: DSBRDF, wo: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+def tables(lobes: Lobes) -> SamplingTables:
+    """Tables of a model's lobes; kept as long as the lobes are, if these are NumPy's.
+
+    Raises
+    ------
+    TypeError
+        If the parameters carry gradients and have no values here.
+    """
+    made = _made.get(lobes)
+    if made is None:
+        plain = lobes.numpy
+        made = tables_for(lambda wi, wo: evaluation.evaluate_numpy(plain, wi, wo), plain)
+        # Arrays of other libraries may be changed in place, as optimisers do
+        if all(isinstance(part, np.ndarray) for part in lobes.parts):
+            _made[lobes] = made
+    return made
+
+
+def tables_for(value: Value, lobes: Lobes) -> SamplingTables:
+    """Tables for any reflectance, from lobes that resemble it.
+
+    Parameters
+    ----------
+    value : callable
+        `value(wi, wo)` is (n, channel) in 1/sr for unit vectors (n, 3).
+    lobes : Lobes
+    """
+    nodes = _nodes()
+    kappa, gamma, _, falloff = lobes.at(nodes.theta_i)
+    # The height of a merged lobe is the mean of those of the channels
+    merged = np.maximum(np.log1p(np.expm1(kappa).mean(1)), MIN_KAPPA)
+    powers, normaliser = _powers(merged, gamma, falloff)
+    of_half = np.expm1(merged[..., None] * np.exp(gamma[..., None] * nodes.log_u))
+    of_half *= np.exp((falloff[..., None] + 1.0) * nodes.log_u) * normaliser[..., None]
+    share = _shares(nodes.integrand(value), of_half, nodes)
+    alias = _alias(powers * share[:, :-1, None], gamma, falloff, share[:, -1])
+    return SamplingTables(merged, gamma, falloff, normaliser, share[:, :-1], alias)
+
+
+def _row(cos_theta: Array) -> NDArray[np.int_]:
+    """Row of the angle of a direction with this cosine."""
+    place = np.arccos(np.clip(cos_theta, 0.0, 1.0)) * ((N_ROWS - 1) / (0.5 * np.pi))
+    return np.asarray(np.minimum(place + 0.5, N_ROWS - 1), dtype=np.int_)
+
+
+def sample(lobes: Lobes, wo: ArrayLike, rng: np.random.Generator) -> Array:
     """Draw directions toward the light; see `DSBRDF.sample`."""
+    made = tables(lobes)
     wo = _check.unit_vectors(wo, "wo")
     flat = wo.reshape(-1, 3)
-    n = len(flat)
-    kappa, gamma, weight = _slice_lobes(model)
-    index = _nearest_slice(model, np.arccos(np.clip(flat[:, 2], -1.0, 1.0)))
-    lobe = (rng.random(n)[:, None] > np.cumsum(weight, axis=1)[index]).sum(1)
-    of_spike = lobe >= model.n_lobes
-    lobe = np.minimum(lobe, model.n_lobes - 1)
-    sin_h = np.sin(hemi_epd.sample(kappa[index, lobe], gamma[index, lobe], rng))
-    sin_h = np.where(of_spike, np.sqrt(spike.sample_sin2(rng, n)), sin_h)
-    phi = 2.0 * np.pi * rng.random(n)
-    half = polar(sin_h, np.sqrt((1.0 - sin_h) * (1.0 + sin_h)), phi)
-    mirrored = 2.0 * (half * flat).sum(1, keepdims=True) * half - flat
+    n_entries = made.alias.shape[1]
+    place = rng.random(len(flat)) * n_entries
+    entry = np.minimum(place.astype(int), n_entries - 1)
+    stay, here, there = made.alias[_row(flat[:, 2]), entry].T
+    stays = place - entry < stay
+    exponent = np.where(stays, here, there)
 
-    radius2 = rng.random(n)
-    cosine = polar(np.sqrt(radius2), np.sqrt(1.0 - radius2), phi)
-    take_cosine = rng.random(n) < COSINE_SHARE
-    return np.where(take_cosine[:, None], cosine, mirrored).reshape(wo.shape)
+    log_u2 = 2.0 * np.log1p(-rng.random(len(flat))) / np.abs(exponent)
+    sin_theta = np.sqrt(-np.expm1(log_u2))
+    drawn = polar(sin_theta, np.exp(0.5 * log_u2), 2.0 * np.pi * rng.random(len(flat)))
+    toward = (flat * drawn).sum(1)
+    image = 2.0 * drawn[:, 2] * flat[:, 2] - toward
+    both = np.maximum(toward, 0.0) + np.maximum(image, 0.0)
+    keep = (rng.random(len(flat)) * both < toward)[:, None]
+    half = np.where(keep, drawn, drawn * [-1.0, -1.0, 1.0])
+    mirrored = 2.0 * np.where(keep, toward[:, None], image[:, None]) * half - flat
+    return np.where((exponent == COSINE)[:, None], drawn, mirrored).reshape(wo.shape)
 
 
-def pdf(model: DSBRDF, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
+def pdf(lobes: Lobes, wi: ArrayLike, wo: ArrayLike) -> Array:
     """Density of `sample`; see `DSBRDF.pdf`."""
+    made = tables(lobes)
     wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
     above = (wi[..., 2] > 0.0) & (wo[..., 2] > 0.0)
-    theta_h, theta_d, _ = half_diff.from_directions(wi, wo)
-    kappa, gamma, weight = _slice_lobes(model)
-    index = _nearest_slice(model, np.arccos(np.clip(wo[..., 2], -1.0, 1.0)))
-    safe_theta_h = np.where(above, theta_h, 0.0)[..., None]
-    # hemi_epd.pdf with the few normalisers there are
-    log_c = hemi_epd.log_normaliser(kappa, gamma)[index]
-    of_half = np.exp(log_c) * hemi_epd.lobe(safe_theta_h, kappa[index], gamma[index])
-    density = (weight[index][..., :-1] * of_half).sum(-1)
-    density += weight[index][..., -1] * spike.solid_angle_density(np.sin(safe_theta_h[..., 0]) ** 2)
-    jacobian = 1.0 / (4.0 * np.maximum(np.cos(theta_d), 1e-12))
-    total = COSINE_SHARE * np.maximum(wi[..., 2], 0.0) / np.pi + (1.0 - COSINE_SHARE) * density * jacobian
-    return np.where(above, total, 0.0)
+    density = np.zeros(above.shape)
+    wi, wo = wi[above], wo[above]
+    s = wi + wo
+    length2 = (s * s).sum(1)
+    log_u = 0.5 * np.log1p(-np.minimum((s[:, 0] ** 2 + s[:, 1] ** 2) / length2, 1.0 - 2.0**-53))
+    row = _row(wo[:, 2])
+    half = np.zeros(len(s))
+    for k in range(made.kappa.shape[1]):
+        kappa, gamma, falloff = (x[row, k] for x in (made.kappa, made.gamma, made.falloff))
+        factor = (made.shares * made.normaliser)[row, k]
+        half += factor * np.expm1(kappa * np.exp(gamma * log_u)) * np.exp((falloff + 1.0) * log_u)
+    length = np.sqrt(length2)
+    cos_d = 0.5 * length
+    image = np.maximum(2.0 * s[:, 2] / length * wo[:, 2] - cos_d, 0.0)
+    density[above] = made.cosine[row] * wi[:, 2] / np.pi + 0.5 * half / (cos_d + image)
+    return density
 
 
-def albedo(model: DSBRDF, theta_i: ArrayLike) -> NDArray[np.float64]:
-    """Directional albedo by quadrature over the half vector; see `DSBRDF.albedo`.
+def _powers(kappa: Array, gamma: Array, falloff: Array) -> tuple[Array, Array]:
+    """Probability (row, lobe, n) of the powers n = 1, 2, ... of lobes times u, and their normalisers (row, lobe)."""
+    n = np.arange(1.0, 2.0 ** np.ceil(np.log2(kappa.max() + 10.0 * np.sqrt(kappa.max()) + 8.0)) + 1.0)
+    exponent = n * gamma[..., None] + falloff[..., None] + 2.0
+    mass = np.exp(n * np.log(kappa)[..., None] - gammaln(n + 1.0) - np.log(exponent))
+    total = mass.sum(-1)
+    return mass / total[..., None], 1.0 / (2.0 * np.pi * total)
 
-    The half vector's theta_h has Gauss-Legendre panels that shrink toward the pole, so that lobes of any width are
-    met, and `d omega_o = 4 (wi . h) d omega_h`.
-    """
-    theta_i = _check.angle(theta_i, "theta_i")
-    result = np.zeros((*theta_i.shape, model.n_channels))
-    for position, theta in np.ndenumerate(theta_i):
-        wi, wo, weight = albedo_nodes(theta)
-        result[position] = (model.eval(wi, wo) * weight[:, None]).sum(0)
-    return result
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    """Half vectors (theta_h, phi) for quadrature over directions at each row; arrays (row, theta_h, phi)."""
+
+    theta_i: Array
+    log_u: Array  # (theta_h,)
+    wi: Array  # (row, 1, 1, 3)
+    wo: Array  # (row, theta_h, phi, 3)
+    cos_o: Array
+    to_pdf: Array  # density of directions for one of half vectors
+    weight: Array  # solid angle of directions
+
+    def integrand(self, value: Value) -> Array:
+        """Share of all light that each node reflects, channels averaged (row, theta_h, phi)."""
+        some = self.weight > 0.0
+        result = np.zeros(self.weight.shape)
+        wi = np.broadcast_to(self.wi, self.wo.shape)[some]
+        result[some] = value(wi, self.wo[some]).mean(-1) * (self.cos_o * self.weight)[some]
+        return np.asarray(result / np.maximum(result.sum((1, 2), keepdims=True), 1e-300))
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> _Nodes:
+    theta_i = np.linspace(0.0, np.pi / 2, N_ROWS)
+    # Panels that shrink toward the pole meet lobes of any width
+    edges = np.concatenate([[0.0], np.geomspace(2e-4, np.pi / 2, 24)])
+    node, node_weight = np.polynomial.legendre.leggauss(4)
+    low, width = edges[:-1, None], np.diff(edges)[:, None]
+    theta = (low + 0.5 * width * (node + 1.0)).ravel()
+    n_phi = 16
+    phi = np.pi * (np.arange(n_phi) + 0.5) / n_phi
+    solid_angle = (0.5 * width * node_weight).ravel() * np.sin(theta) * 2.0 * np.pi / n_phi
+    half = polar(np.sin(theta)[:, None], np.cos(theta)[:, None], phi)
+    # At 90 degrees nothing is to be seen: look from just above
+    seen = np.minimum(theta_i, np.deg2rad(89.0))
+    wi = np.stack([np.sin(seen), np.zeros(N_ROWS), np.cos(seen)], axis=-1)[:, None, None]
+    toward = (wi * half).sum(-1)
+    image = (wi * half * [-1.0, -1.0, 1.0]).sum(-1)
+    wo = 2.0 * toward[..., None] * half - wi
+    visible = (toward > 0.0) & (wo[..., 2] > 0.0)
+    both = np.maximum(toward, 0.0) + np.maximum(image, 0.0)
+    return _Nodes(
+        theta_i,
+        half_diff.log_cos(theta),
+        wi,
+        wo,
+        np.where(visible, wo[..., 2], 0.0),
+        0.5 / np.maximum(both, 1e-12),
+        np.where(visible, 4.0 * toward, 0.0) * solid_angle[:, None],
+    )
+
+
+def _shares(target: Array, of_half: Array, nodes: _Nodes) -> Array:
+    """Shares (row, component) of lobes and cosine that bring the mixture near `target` (row, theta_h, phi)."""
+    n = of_half.shape[1]
+    share = np.full((N_ROWS, n + 1), 1.0 / (n + 1))
+    cosine = nodes.cos_o / np.pi
+    for _ in range(EM_STEPS):
+        mixture = np.einsum("rk,rkt->rt", share[:, :-1], of_half)[..., None] * nodes.to_pdf
+        mixture += share[:, -1, None, None] * cosine
+        ratio = target / np.maximum(mixture, 1e-300)
+        share[:, :-1] *= np.einsum("rkt,rt->rk", of_half, (ratio * nodes.to_pdf).sum(-1))
+        share[:, -1] *= (ratio * cosine).sum((1, 2))
+        share /= np.maximum(share.sum(1, keepdims=True), 1e-300)
+    rest = share[:, :-1].sum(1)
+    cosine_share = np.where(rest > 0.0, np.maximum(1.0 - rest, MIN_COSINE_SHARE), 1.0)
+    share[:, :-1] *= ((1.0 - cosine_share) / np.maximum(rest, 1e-300))[:, None]
+    share[:, -1] = cosine_share
+    return share
+
+
+def _alias(powers: Array, gamma: Array, falloff: Array, cosine: Array) -> Array:
+    """Alias tables (row, entry, 3) of the powers (row, lobe, n) and the cosine."""
+    n = np.arange(1.0, powers.shape[-1] + 1.0)
+    exponents = (n * gamma[..., None] + falloff[..., None] + 2.0).reshape(N_ROWS, -1)
+    exponents = np.column_stack([exponents, np.full(N_ROWS, COSINE)])
+    mass = np.column_stack([powers.reshape(N_ROWS, -1), cosine])
+    made = np.empty((*mass.shape, 3))
+    for table, of_row, exponent in zip(made, mass, exponents, strict=True):
+        stay, other = _alias_row(of_row)
+        table[:] = np.column_stack([stay, exponent, exponent[other]])
+    return made
+
+
+def _alias_row(mass: Array) -> tuple[Array, NDArray[np.int_]]:
+    """Vose's method: the probability to stay with each entry, and where to go otherwise."""
+    stay = mass * (len(mass) / mass.sum())
+    other = np.arange(len(mass))
+    small, large = (list(np.flatnonzero(which)) for which in (stay < 1.0, stay >= 1.0))
+    while small and large:
+        poor, rich = small.pop(), large[-1]
+        other[poor] = rich
+        stay[rich] -= 1.0 - stay[poor]
+        if stay[rich] < 1.0:
+            small.append(large.pop())
+    stay[small + large] = 1.0
+    return stay, other

@@ -1,12 +1,11 @@
 """The model as a shader: one GLSL source, whose numbers come from a texture (the page) or are baked in (exports).
 
-`dsbrdf.glsl` holds eval, pdf and sample, named as in Python. It reads parameters through a few functions alone, so
-that the web page and an exported file run the same text.
+`dsbrdf.glsl` holds eval, pdf and sample, named as in Python. It reads all numbers through `dsbrdf_texel`, so that the
+web page and an exported file run the same text; `texels` makes them, `texture.glsl` says what they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 
 from dsbrdf.export._channels import require_rgb
 from dsbrdf.geometry import half_diff
-from dsbrdf.model import hemi_epd, sampling
-from dsbrdf.paper import spike
+from dsbrdf.model import sampling
+from dsbrdf.model.lobes import SHARED, Lobes
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["baked", "sources"]
+__all__ = ["baked", "sources", "texels"]
 
 #: Sources the page needs beside the constants.
 PAGE_SOURCES = ("dsbrdf", "texture", "sphere", "show", "evaluate")
@@ -32,8 +31,31 @@ def sources() -> dict[str, str]:
     return {"constants": _constants(), **{name: _read(name) for name in PAGE_SOURCES}}
 
 
+def texels(lobes: Lobes) -> NDArray[np.float64]:
+    """All numbers of a shader, (lobe, column, 4); `texture.glsl` says which column holds what.
+
+    Parameters
+    ----------
+    lobes : Lobes
+        Of three channels.
+    """
+    lobes, tables = lobes.numpy, sampling.tables(lobes)
+    sizes = [getattr(lobes, name).shape[1] for name in SHARED]
+    most = max(*sizes, lobes.colour.shape[2])
+    packed = np.zeros((lobes.n_lobes, 2 + 2 * most + 2 * sampling.N_ROWS, 4))
+    packed[:, 0] = sizes
+    packed[:, 1, 0] = lobes.colour.shape[2]
+    for i, (name, size) in enumerate(zip(SHARED, sizes, strict=True)):
+        packed[:, 2 : 2 + size, i] = getattr(lobes, name)
+    packed[:, 2 + most : 2 + most + lobes.colour.shape[2], :3] = lobes.colour.transpose(1, 2, 0)
+    of_rows = packed[:, 2 + 2 * most :].reshape(lobes.n_lobes, sampling.N_ROWS, 2, 4)
+    of_rows[:, :, 0] = np.stack([tables.kappa, tables.gamma, tables.falloff, tables.normaliser], axis=-1).swapaxes(0, 1)
+    of_rows[:, :, 1, 0] = tables.shares.T
+    return packed
+
+
 def baked(model: DSBRDF) -> str:
-    """GLSL of one model, its numbers as constant arrays.
+    """GLSL of one model, its numbers as a constant array.
 
     Parameters
     ----------
@@ -52,7 +74,7 @@ def baked(model: DSBRDF) -> str:
         If the model has another number of channels.
     """
     require_rgb(model.n_channels, "a shader")
-    return f"{_constants()}\n{_numbers(model)}\n{_read('dsbrdf')}"
+    return f"{_constants()}\n{_numbers(texels(model.lobes))}\n{_read('dsbrdf')}"
 
 
 def _read(name: str) -> str:
@@ -61,57 +83,23 @@ def _read(name: str) -> str:
 
 def _constants() -> str:
     """Constants that belong to other modules."""
-    constants = {
-        "DSBRDF_AZIMUTHAL_WIDTH": half_diff.AZIMUTHAL_WIDTH,
-        "DSBRDF_SIN2_WIDTH": spike.SIN2_WIDTH,
-        "DSBRDF_COSINE_SHARE": sampling.COSINE_SHARE,
-    }
-    return "".join(f"const float {name} = {_number(value)};\n" for name, value in constants.items())
-
-
-def _numbers(model: DSBRDF) -> str:
-    """Arrays (slice, lobe) of numbers, and the functions that read them."""
-    n_slices, n_lobes = len(model.theta_d), model.n_lobes
-    kappa, gamma, beta, height = (
-        np.asarray(values, dtype=np.float64) for values in (model.kappa, model.gamma, model.beta, model.spike)
-    )
-    mean_kappa = np.maximum(kappa.mean(1), sampling.MIN_KAPPA)
-    mean_gamma = gamma.mean(1)
-    integral = np.exp(-hemi_epd.log_normaliser(mean_kappa, mean_gamma))
-    of_lobes = {"kappa": kappa, "gamma": gamma, "beta": beta}
-    arrays = [
-        f"const int DSBRDF_N_SLICES = {n_slices};\nconst int DSBRDF_N_LOBES = {n_lobes};\n",
-        _array("float", "THETA_D", map(_number, model.theta_d)),
-        *(_array("vec3", name.upper(), map(_vec3, _by_lobe(values))) for name, values in of_lobes.items()),
-        _array("vec3", "SPIKE", map(_vec3, height)),
-        _array(
-            "vec3", "SAMPLING", map(_vec3, _by_lobe(np.stack([mean_kappa, mean_gamma, integral], axis=1)))
-        ),
-        "int dsbrdf_n_slices() { return DSBRDF_N_SLICES; }\nint dsbrdf_n_lobes() { return DSBRDF_N_LOBES; }\n",
-        "float dsbrdf_theta_d(int slice) { return DSBRDF_THETA_D[slice]; }\n",
-        "vec3 dsbrdf_spike(int slice) { return DSBRDF_SPIKE[slice]; }\n",
-    ]
-    arrays += [
-        f"vec3 dsbrdf_{name}(int slice, int k) {{ return DSBRDF_{name.upper()}[slice * DSBRDF_N_LOBES + k]; }}\n"
-        for name in (*of_lobes, "sampling")
-    ]
-    return "".join(arrays)
-
-
-def _by_lobe(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Arrays (theta_d, channel, lobe) as rows (theta_d and lobe, channel)."""
-    return values.swapaxes(1, 2).reshape(-1, values.shape[1])
-
-
-def _array(kind: str, name: str, items: Iterable[str]) -> str:
-    entries = list(items)
-    return f"const {kind} DSBRDF_{name}[{len(entries)}] = {kind}[{len(entries)}](\n    " + (
-        ",\n    ".join(entries) + ");\n"
+    return (
+        f"const float DSBRDF_AZIMUTHAL_WIDTH = {_number(half_diff.AZIMUTHAL_WIDTH)};\n"
+        f"const int DSBRDF_N_ROWS = {sampling.N_ROWS};\n"
     )
 
 
-def _vec3(values: NDArray[np.float64]) -> str:
-    return f"vec3({', '.join(_number(value) for value in values)})"
+def _numbers(packed: NDArray[np.float64]) -> str:
+    """Texels (lobe, column, 4) as an array, and the functions that read them, as `texture.glsl` has them."""
+    n_lobes, n_columns = packed.shape[:2]
+    entries = [f"vec4({', '.join(map(_number, texel))})" for texel in packed.reshape(-1, 4)]
+    n = len(entries)
+    return (
+        f"const vec4 DSBRDF_TEXELS[{n}] = vec4[{n}](\n    " + ",\n    ".join(entries) + ");\n"
+        f"int dsbrdf_n_lobes() {{ return {n_lobes}; }}\n"
+        f"int dsbrdf_n_columns() {{ return {n_columns}; }}\n"
+        f"vec4 dsbrdf_texel(int lobe, int column) {{ return DSBRDF_TEXELS[lobe * {n_columns} + column]; }}\n"
+    )
 
 
 def _number(value: float) -> str:

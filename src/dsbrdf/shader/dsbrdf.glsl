@@ -6,10 +6,13 @@
 //
 // wi and wo are unit vectors toward the light and the viewer in a frame whose z is the normal. A direction drawn
 // below the horizon carries no light. In front of this text stand the numbers: constants, and the functions
-// dsbrdf_n_slices, dsbrdf_n_lobes, dsbrdf_theta_d, dsbrdf_kappa, dsbrdf_gamma, dsbrdf_beta, dsbrdf_spike and
-// dsbrdf_sampling (kappa, gamma and 1 / C of a lobe, channels averaged).
+// dsbrdf_n_lobes, dsbrdf_n_columns and dsbrdf_texel(lobe, column), whose columns texture.glsl of dsbrdf.shader tells:
+// sizes of curves, coefficients of curves over cos(theta_d), and the sampler's rows over the angle of wo.
 
 const float DSBRDF_PI = 3.14159265358979;
+// What single precision holds: of ln(kappa), and of exponents
+const float DSBRDF_MAX_LN_KAPPA = 4.46;
+const float DSBRDF_MAX_EXPONENT = 80.0;
 
 // exp(x) - 1 in full precision; a difference would vanish far from the peak of a lobe
 vec3 dsbrdf_expm1(vec3 x) {
@@ -38,11 +41,12 @@ float dsbrdf_angle(float opposite, float adjacent) {
     return 0.25 * DSBRDF_PI + (z < 0.0 ? -angle : angle);
 }
 
-// sin^2 and ln cos of theta_h, theta_d, and g cos(2 phi_d)
+// sin^2 and ln cos of theta_h, theta_d and its cosine, and g cos(2 phi_d)
 struct dsbrdf_Coordinates {
     float sin2;
     float log_cos;
     float theta_d;
+    float cos_d;
     float azimuth;
 };
 
@@ -55,100 +59,95 @@ dsbrdf_Coordinates dsbrdf_from_directions(vec3 wi, vec3 wo) {
     float root = sqrt(both) * sqrt(both + width * width * s2);
     float azimuth = root > 0.0 ? (along - across * across) / root : 0.0;
     return dsbrdf_Coordinates(
-        sin2, dsbrdf_log_cos(sin2, cos2), dsbrdf_angle(length(d), sqrt(s2)), azimuth);
+        sin2, dsbrdf_log_cos(sin2, cos2), dsbrdf_angle(length(d), sqrt(s2)), min(0.5 * sqrt(s2), 1.0), azimuth);
 }
 
-// Shape of a spike
-float dsbrdf_cap(float sin2) {
-    return max(1.0 - sin2 / DSBRDF_SIN2_WIDTH, 0.0);
+// The three functions of a curve of a given size that are not zero at x, and the first of them in index
+vec3 dsbrdf_basis(int size, float x, out int index) {
+    index = 0;
+    if (size == 1) return vec3(1.0, 0.0, 0.0);
+    if (size == 2) return vec3(1.0 - x, x, 0.0);
+    int last = size - 3;
+    float at = x * float(last + 1);
+    index = clamp(int(at), 0, last);
+    float u = at - float(index);
+    float low = (1.0 - u) * (1.0 - u) * (index == 0 ? 1.0 : 0.5), high = u * u * (index == last ? 1.0 : 0.5);
+    return vec3(low, 1.0 - low - high, high);
 }
 
-vec3 dsbrdf_slice_value(int slice, dsbrdf_Coordinates at) {
-    vec3 value = dsbrdf_spike(slice) * dsbrdf_cap(at.sin2);
-    for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
-        vec3 lobe = dsbrdf_expm1(dsbrdf_kappa(slice, k) * exp(dsbrdf_gamma(slice, k) * at.log_cos));
-        value += lobe * (1.0 + dsbrdf_beta(slice, k) * at.azimuth);
-    }
+// Sum of up to three texels of a lobe
+vec4 dsbrdf_curve(int lobe, int column, int size, float x) {
+    int index;
+    vec3 basis = dsbrdf_basis(size, x, index);
+    vec4 value = basis.x * dsbrdf_texel(lobe, column + index);
+    if (size > 1) value += basis.y * dsbrdf_texel(lobe, column + index + 1);
+    if (size > 2) value += basis.z * dsbrdf_texel(lobe, column + index + 2);
     return value;
 }
 
-// Slice at or below theta_d, never the last of several
-int dsbrdf_find_slice(float theta_d) {
-    int low = 0, high = dsbrdf_n_slices() - 1;
-    while (high - low > 1) {
-        int middle = (low + high) / 2;
-        if (dsbrdf_theta_d(middle) <= theta_d) low = middle;
-        else high = middle;
-    }
-    return low;
-}
-
-// The share of the upper of two slices
-float dsbrdf_weight(int low, int high, float theta_d) {
-    float at = dsbrdf_theta_d(low), step = dsbrdf_theta_d(high) - at;
-    return step > 0.0 ? clamp((theta_d - at) / step, 0.0, 1.0) : 0.0;
+// Greatest size of a curve
+int dsbrdf_most() {
+    return (dsbrdf_n_columns() - 2 - 2 * DSBRDF_N_ROWS) / 2;
 }
 
 vec3 dsbrdf_eval(vec3 wi, vec3 wo) {
     if (wi.z < 0.0 || wo.z < 0.0) return vec3(0.0);
     dsbrdf_Coordinates at = dsbrdf_from_directions(wi, wo);
-    int low = dsbrdf_find_slice(at.theta_d), high = min(low + 1, dsbrdf_n_slices() - 1);
-    float weight = dsbrdf_weight(low, high, at.theta_d);
-    return (1.0 - weight) * dsbrdf_slice_value(low, at) + weight * dsbrdf_slice_value(high, at);
+    ivec4 sizes = ivec4(dsbrdf_texel(0, 0));
+    int of_colour = int(dsbrdf_texel(0, 1).x), most = dsbrdf_most();
+    vec3 value = vec3(0.0);
+    for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
+        float scale = dsbrdf_curve(k, 2, sizes.x, at.cos_d).x;
+        float gamma = exp(dsbrdf_curve(k, 2, sizes.y, at.cos_d).y);
+        float beta = dsbrdf_curve(k, 2, sizes.z, at.cos_d).z;
+        float falloff = dsbrdf_curve(k, 2, sizes.w, at.cos_d).w;
+        vec3 colour = dsbrdf_curve(k, 2 + most, of_colour, at.cos_d).xyz;
+        vec3 power = exp(min(scale + colour + gamma * at.log_cos, DSBRDF_MAX_LN_KAPPA));
+        value += dsbrdf_expm1(power) * exp(min(beta * at.azimuth + falloff * at.log_cos, DSBRDF_MAX_EXPONENT));
+    }
+    return value;
 }
 
-// The slice that dsbrdf_sample draws from: theta_d is not known yet
-int dsbrdf_nearest_slice(vec3 wo) {
-    float theta = dsbrdf_angle(length(wo.xy), wo.z);
-    int low = dsbrdf_find_slice(theta), high = min(low + 1, dsbrdf_n_slices() - 1);
-    return dsbrdf_weight(low, high, theta) > 0.5 ? high : low;
+// The sampler's row for a direction, and its columns of a lobe
+int dsbrdf_row(vec3 w) {
+    return int(dsbrdf_angle(length(w.xy), w.z) * float(DSBRDF_N_ROWS - 1) / (0.5 * DSBRDF_PI) + 0.5);
 }
 
-// Integral of the spike over half vectors, channels averaged; that of a lobe is 1 / C
-float dsbrdf_spike_integral(int slice) {
-    return dot(dsbrdf_spike(slice), vec3(1.0 / 3.0)) * 0.5 * DSBRDF_PI * DSBRDF_SIN2_WIDTH;
+vec4 dsbrdf_sampling(int lobe, int row) {
+    return dsbrdf_texel(lobe, dsbrdf_n_columns() + 2 * (row - DSBRDF_N_ROWS));
 }
 
-float dsbrdf_integral(int slice) {
-    float total = dsbrdf_spike_integral(slice);
-    for (int k = 0; k < dsbrdf_n_lobes(); ++k) total += dsbrdf_sampling(slice, k).z;
-    return total;
+float dsbrdf_share(int lobe, int row) {
+    return dsbrdf_texel(lobe, dsbrdf_n_columns() + 2 * (row - DSBRDF_N_ROWS) + 1).x;
 }
 
 float dsbrdf_pdf(vec3 wi, vec3 wo) {
     if (wi.z <= 0.0 || wo.z <= 0.0) return 0.0;
     dsbrdf_Coordinates at = dsbrdf_from_directions(wi, wo);
-    int slice = dsbrdf_nearest_slice(wo);
-    float of_half = dot(dsbrdf_spike(slice), vec3(1.0 / 3.0)) * dsbrdf_cap(at.sin2) * sqrt(1.0 - at.sin2);
+    int row = dsbrdf_row(wo);
+    float of_half = 0.0, cosine = 1.0;
     for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
-        vec3 lobe = dsbrdf_sampling(slice, k);
-        of_half += dsbrdf_expm1(lobe.x * exp(lobe.y * at.log_cos));
+        vec4 lobe = dsbrdf_sampling(k, row);
+        float share = dsbrdf_share(k, row), value = dsbrdf_expm1(lobe.x * exp(lobe.y * at.log_cos));
+        of_half += share * lobe.w * value * exp((lobe.z + 1.0) * at.log_cos);
+        cosine -= share;
     }
-    // |wi + wo| is twice the cosine of theta_d
-    float of_lobes = of_half / max(dsbrdf_integral(slice) * 2.0 * length(wi + wo), 1e-30);
-    return mix(of_lobes, wi.z / DSBRDF_PI, DSBRDF_COSINE_SHARE);
+    // A half vector or its image, whichever is turned toward wo
+    vec3 s = wi + wo;
+    float toward = 0.5 * length(s), image = max(s.z * wo.z / toward - toward, 0.0);
+    return max(cosine, 0.0) * wi.z / DSBRDF_PI + 0.5 * of_half / (toward + image);
 }
 
-// sin^2 of theta_h of a half vector drawn from a lobe, by u in (0, 1] and x in [0, 1 / C): the power series of exp
-// makes the lobe a sum of powers of the cosine
-float dsbrdf_sample_lobe(vec3 lobe, float x, float u) {
-    float rest = x / (2.0 * DSBRDF_PI), power = lobe.x, n = 1.0;
-    while (n < 200.0 && rest >= power / (n * lobe.y + 1.0)) {
-        rest -= power / (n * lobe.y + 1.0);
-        n += 1.0;
-        power *= lobe.x / n;
+// Exponent of the power of the cosine that x in [0, 1) stands for, among those of a lobe, as the power series of exp makes
+// it a sum of them; and what is left of x, again in [0, 1)
+vec2 dsbrdf_sample_exponent(vec4 lobe, float x) {
+    float rest = x / (2.0 * DSBRDF_PI * lobe.w), power = lobe.x, exponent = lobe.y + lobe.z + 2.0;
+    for (int n = 2; n < 200 && rest >= power / exponent; ++n) {
+        rest -= power / exponent;
+        power *= lobe.x / float(n);
+        exponent += lobe.y;
     }
-    return -dsbrdf_expm1(2.0 * log(u) / (n * lobe.y + 1.0));
-}
-
-float dsbrdf_sample_sin2(int slice, float x, float u) {
-    x *= dsbrdf_integral(slice);
-    for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
-        vec3 lobe = dsbrdf_sampling(slice, k);
-        if (x < lobe.z) return dsbrdf_sample_lobe(lobe, x, u);
-        x -= lobe.z;
-    }
-    return DSBRDF_SIN2_WIDTH * (1.0 - sqrt(u));
+    return vec2(exponent, min(rest * exponent / power, 1.0));
 }
 
 // The built-in sine and cosine may be off by 2^-11, which must not change lengths
@@ -158,9 +157,19 @@ vec2 dsbrdf_circle(float u) {
 }
 
 vec3 dsbrdf_sample(vec3 wo, vec3 u) {
-    bool cosine = u.x < DSBRDF_COSINE_SHARE;
-    float x = (u.x - DSBRDF_COSINE_SHARE) / (1.0 - DSBRDF_COSINE_SHARE);
-    float sin2 = cosine ? u.y : dsbrdf_sample_sin2(dsbrdf_nearest_slice(wo), x, 1.0 - u.y);
+    int row = dsbrdf_row(wo), n = dsbrdf_n_lobes(), k = 0;
+    float x = u.x, share = 0.0;
+    for (; k < n; ++k) {
+        share = dsbrdf_share(k, row);
+        if (x < share) break;
+        x -= share;
+    }
+    vec2 exponent = k < n ? dsbrdf_sample_exponent(dsbrdf_sampling(k, row), x / share) : vec2(2.0, 0.0);
+    float sin2 = -dsbrdf_expm1(2.0 * log(1.0 - u.y) / exponent.x);
     vec3 drawn = vec3(sqrt(sin2) * dsbrdf_circle(u.z), sqrt(max(1.0 - sin2, 0.0)));
-    return cosine ? drawn : 2.0 * dot(wo, drawn) * drawn - wo;
+    if (k == n) return drawn;
+    float toward = dot(wo, drawn), image = 2.0 * wo.z * drawn.z - toward;
+    bool keep = exponent.y * (max(toward, 0.0) + max(image, 0.0)) < toward;
+    vec3 half_vector = keep ? drawn : vec3(-drawn.xy, drawn.z);
+    return 2.0 * (keep ? toward : image) * half_vector - wo;
 }

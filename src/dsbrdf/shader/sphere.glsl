@@ -7,7 +7,9 @@
 uniform sampler2D u_sum;           // what was added up so far: radiance, and the number of samples
 uniform sampler2D u_environment;   // radiance, equirectangular
 uniform sampler2D u_light;         // of each texel: share of the row before it, of the rows before (column 0), density
-uniform sampler2D u_profile;       // measured values over theta_h, rows theta_d: mean, then amplitude; 1 where there is one
+// Measured values, a row for each theta_d, columns evenly in the square root of theta_h from 0 to 90 degrees: first the
+// means, with 1 in alpha where there is one, then as many amplitudes, with theta_d in alpha
+uniform sampler2D u_profile;
 uniform mat3 u_camera;             // right, up and back of the viewer
 uniform mat3 u_to_environment;
 uniform vec3 u_point_light;        // direction toward it, for u_lighting 2
@@ -101,13 +103,17 @@ mat3 frame(vec3 n) {
     return mat3(vec3(1.0 + side * n.x * n.x * a, side * b, -side * n.x), vec3(b, side + n.y * n.y * a, -n.y), n);
 }
 
-// The measured mean and amplitude where there are any, else the model
-vec3 profile_slice(int slice, float place, float azimuth, vec3 fitted) {
+// theta_d of a row of measured values
+float profile_theta_d(int row) {
+    return texelFetch(u_profile, ivec2(textureSize(u_profile, 0).x / 2, row), 0).a;
+}
+
+// The measured mean and amplitude of a row where there are any, else the model
+vec3 profile_value(int row, float place, float azimuth, vec3 fitted) {
     int n = textureSize(u_profile, 0).x / 2, i = min(int(place), n - 2);
     float t = place - float(i);
-    vec4 mean = mix(texelFetch(u_profile, ivec2(i, slice), 0), texelFetch(u_profile, ivec2(i + 1, slice), 0), t);
-    vec4 wave = mix(
-        texelFetch(u_profile, ivec2(n + i, slice), 0), texelFetch(u_profile, ivec2(n + i + 1, slice), 0), t);
+    vec4 mean = mix(texelFetch(u_profile, ivec2(i, row), 0), texelFetch(u_profile, ivec2(i + 1, row), 0), t);
+    vec4 wave = mix(texelFetch(u_profile, ivec2(n + i, row), 0), texelFetch(u_profile, ivec2(n + i + 1, row), 0), t);
     return mix(fitted, max(mean.rgb + wave.rgb * azimuth, 0.0), mean.a);
 }
 
@@ -117,10 +123,16 @@ vec3 reflectance(vec3 wi, vec3 wo) {
     dsbrdf_Coordinates at = dsbrdf_from_directions(wi, wo);
     float place = sqrt(asin(sqrt(min(at.sin2, 1.0))) / (0.5 * DSBRDF_PI))
         * float(textureSize(u_profile, 0).x / 2 - 1);
-    int low = dsbrdf_find_slice(at.theta_d), high = min(low + 1, dsbrdf_n_slices() - 1);
-    float weight = dsbrdf_weight(low, high, at.theta_d);
+    int low = 0, high = textureSize(u_profile, 0).y - 1;
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (profile_theta_d(middle) <= at.theta_d) low = middle;
+        else high = middle;
+    }
+    float below = profile_theta_d(low), gap = profile_theta_d(high) - below;
+    float weight = gap > 0.0 ? clamp((at.theta_d - below) / gap, 0.0, 1.0) : 0.0;
     return mix(
-        profile_slice(low, place, at.azimuth, fitted), profile_slice(high, place, at.azimuth, fitted), weight);
+        profile_value(low, place, at.azimuth, fitted), profile_value(high, place, at.azimuth, fitted), weight);
 }
 
 float power_heuristic(float of_this, float of_other) {
