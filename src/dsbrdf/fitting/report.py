@@ -47,11 +47,6 @@ FLOORS = (
 )
 #: Incident angles in degrees at which albedos are told.
 ALBEDO_ANGLES = (0, 45, 75)
-#: Why the paper's condition on energy stands beside the albedo.
-PAPER_SUM = (
-    "Sum of 1/C over lobes, largest of the slices: the paper asks for at most 1. It lacks the cosine of the light and "
-    "the factor 4 cos(theta_d) from half vectors to directions: the albedo is what counts."
-)
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160
 
@@ -320,12 +315,11 @@ def _albedo_table(theta_i: Any, albedo: Any) -> Table:
 def print_check(result: CheckReport) -> None:
     """Print the numbers of a check of a model."""
     albedos = _albedo_table(result.theta_i, result.albedo)
-    albedos.add_row("sum of 1/C", *(f"{value:.3f}" for value in result.paper_sum.max(0)))
     sampler = _table("sampler at", "chi-square\np-value", "weight\nstd", "cosine\nstd")
     for theta, *row in zip(result.theta_o, result.p_value, result.weight_std, result.cosine_std, strict=True):
         sampler.add_row(f"{math.degrees(theta):.0f} degrees", *(f"{value:.2f}" for value in row))
     console = _console()
-    for part in (albedos, "", sampler, "", PAPER_SUM):
+    for part in (albedos, "", sampler, ""):
         console.print(part)
     console.print(
         f"Exchanged directions differ by {result.reciprocity:g}; the least value is {result.minimum:.3g}/sr."
