@@ -22,8 +22,10 @@ pub const MAX_COLOUR: f64 = 20.0;
 pub const MAX_BETA: f64 = 4.0;
 /// Least and greatest falloff; a lobe's energy is finite above -1.
 pub const FALLOFF_RANGE: (f64, f64) = (-0.9, 20.0);
-/// Positions of a bin lie within this much of x: there the Hessian takes the mean of the curves' functions.
-const BIN_WIDTH: f64 = 1.0 / 96.0;
+/// The range of x is cut into so many bins, less where that leaves fewer positions a bin than pay for vector
+/// instructions: in a bin the Hessian takes the mean of the curves' functions.
+const BINS: (usize, usize) = (16, 96);
+const POSITIONS_A_BIN: usize = 96;
 /// Differences of logarithms above this count linearly in the gamma deviance.
 const MAX_LOG_RATIO: f64 = 3.0;
 
@@ -282,12 +284,13 @@ impl LeastSquares for Problem<'_> {
 fn bins(observations: &Observations, shape: &Shape) -> Vec<Bin> {
     let spans = |x: f64| std::array::from_fn::<usize, CURVES, _>(|curve| shape.basis(curve).span(x));
     let x = &observations.x;
+    let width = 1.0 / (x.len() / POSITIONS_A_BIN).clamp(BINS.0, BINS.1) as f64;
     let mut bins = Vec::new();
     let mut start = 0;
     while start < x.len() {
         let here = spans(x[start]);
         let mut end = start + 1;
-        while end < x.len() && x[end] - x[start] < BIN_WIDTH && spans(x[end]) == here {
+        while end < x.len() && x[end] - x[start] < width && spans(x[end]) == here {
             end += 1;
         }
         bins.push(Bin::new(observations, shape, start, end - start));
@@ -702,7 +705,7 @@ pub mod tests {
 
     #[test]
     fn hessian_is_that_of_differences_of_residuals() {
-        let observations = observations(300, 2);
+        let observations = observations(6000, 2);
         let shape = shape(2, 2);
         let p = shape.n_unknowns();
         let x: Vec<f64> = (0..p).map(|i| ((i * 17 + 3) as f64 * 0.618_033_988).fract() - 0.3).collect();

@@ -36,8 +36,8 @@ pub struct Solution {
 /// Mean squares below this are rounding.
 pub const LEAST_SQUARES: f64 = 1e-22;
 /// Iterations of a first look at a start, and of the best of them.
-const LOOK: usize = 8;
-const GROW: usize = 30;
+const LOOK: usize = 3;
+const GROW: usize = 14;
 /// Starts that are taken further.
 const KEPT: usize = 2;
 /// The noise is estimated again at most so many times.

@@ -97,6 +97,11 @@ impl Observations {
         Self { core: py.detach(|| self.core.thinned(n)) }
     }
 
+    /// The mean over the channels.
+    fn mean_channel(&self, py: Python<'_>) -> Self {
+        Self { core: py.detach(|| self.core.mean_channel()) }
+    }
+
     /// Fits with 1 to `max_lobes` lobes.
     fn grow<'py>(
         &self,
