@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 #: Incident angles at which the albedo is told, and those at which the sampler is tried, in radians.
 ALBEDO_ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0, 89.0])
-SAMPLER_ANGLES = np.deg2rad([0.0, 45.0, 75.0])
+SAMPLER_ANGLES = np.deg2rad([0.0, 30.0, 60.0, 80.0])
 N_PAIRS = 20_000
 #: Of the mass of a cell; far below what so many samples can tell.
 QUADRATURE_TOLERANCE = 1e-4
@@ -140,6 +140,8 @@ def _try_sampler(model: DSBRDF, theta: float, rng: np.random.Generator) -> tuple
     light = model.eval(wi, wo).mean(-1) * wi[:, 2]
     pdf, cosine_pdf = model.pdf(wi, wo), wi[:, 2] / np.pi
     mean = (light / pdf).sum() / N_SAMPLES
+    if mean == 0.0:
+        return p_value, 0.0, 0.0
     spread = [
         np.sqrt(max((light**2 / (pdf * other)).sum() / (N_SAMPLES * mean**2) - 1.0, 0.0))
         for other in (pdf, cosine_pdf)
