@@ -1,8 +1,8 @@
 """Functional principal component analysis of several curves at once (Ramsay and Silverman 2005; Section 6.C).
 
-An observation is a set of functions over theta_d, each a spline. Their inner product is the sum over functions of
-`weight * integral x(t) y(t) dt`: Eq. (7) for the two curves of a lobe. In coordinates in which that is the plain
-product of vectors, the analysis is a singular value decomposition.
+An observation is the coefficients of all its curves in one row. The inner product of functions becomes a matrix: Eq. (7)
+for the curves of lobes. In coordinates in which that is the plain product of vectors, the analysis is a singular value
+decomposition.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
-from dsbrdf.paper.curves import CurveBasis
 
-__all__ = ["Fpca", "fit_fpca", "squared_norm"]
+__all__ = ["Fpca", "fit_fpca"]
 
 Array = NDArray[np.float64]
 
@@ -25,16 +24,14 @@ LEAST_VARIANCE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Fpca:
-    """Mean and principal functions of sets of curves.
+    """Mean and principal functions of rows of coefficients.
 
     Parameters
     ----------
-    basis : CurveBasis
-        Of all functions.
-    weights : (function,) ndarray
-        Of the functions in the inner product.
-    mean : (function, coefficient) ndarray
-    functions : (component, function, coefficient) ndarray
+    metric : (number, number) ndarray
+        Of the inner product.
+    mean : (number,) ndarray
+    functions : (component, number) ndarray
         Principal functions, orthonormal under the inner product, by falling variance. Their sign is such that the
         inner product with the reference of `fit_fpca` is not negative.
     variances : (component,) ndarray
@@ -43,8 +40,7 @@ class Fpca:
         Of what the analysis was made from.
     """
 
-    basis: CurveBasis
-    weights: Array
+    metric: Array
     mean: Array
     functions: Array
     variances: Array
@@ -69,12 +65,13 @@ class Fpca:
         reached = np.cumsum(self.explained) >= share * (1.0 - 1e-12)
         return int(reached.argmax()) + 1
 
-    def transform(self, curves: ArrayLike) -> Array:
-        """Scores (..., component) of curves (..., function, coefficient)."""
-        return self.inner(np.asarray(curves, dtype=float)[..., None, :, :] - self.mean, self.functions)
+    def transform(self, rows: ArrayLike) -> Array:
+        """Scores (..., component) of rows (..., number)."""
+        scores: Array = (np.asarray(rows, dtype=float) - self.mean) @ self.metric @ self.functions.T
+        return scores
 
     def inverse_transform(self, scores: ArrayLike) -> Array:
-        """Curves (..., function, coefficient) of scores (..., component); of the first ones, if fewer are given.
+        """Rows (..., number) of scores (..., component); of the first ones, if fewer are given.
 
         Raises
         ------
@@ -85,39 +82,25 @@ class Fpca:
         n = scores.shape[-1]
         if n > len(self.variances):
             raise ValueError(f"'scores' has {n} components, the analysis has {len(self.variances)}.")
-        curves: Array = self.mean + np.tensordot(scores, self.functions[:n], 1)
-        return curves
+        rows: Array = self.mean + scores @ self.functions[:n]
+        return rows
 
     def inner(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Inner product (...) of curves (..., function, coefficient), which broadcast."""
-        weighted = np.asarray(x) * self.weights[:, None]
-        product: Array = np.einsum("...fc,cd,...fd->...", weighted, self.basis.gram, np.asarray(y))
+        """Inner product (...) of rows (..., number), which broadcast."""
+        product: Array = ((np.asarray(x) @ self.metric) * np.asarray(y)).sum(-1)
         return product
 
 
-def squared_norm(curves: ArrayLike, basis: CurveBasis) -> Array:
-    """Integrals (...) of the squares of curves (..., coefficient)."""
-    curves = np.asarray(curves)
-    norm: Array = np.einsum("...c,cd,...d->...", curves, basis.gram, curves)
-    return norm
-
-
-def fit_fpca(
-    curves: ArrayLike,
-    basis: CurveBasis,
-    weights: ArrayLike | None = None,
-    reference: ArrayLike | None = None,
-) -> Fpca:
-    """Analyse sets of curves.
+def fit_fpca(rows: ArrayLike, metric: ArrayLike, reference: ArrayLike | None = None) -> Fpca:
+    """Analyse rows of coefficients.
 
     Parameters
     ----------
-    curves : (observation, function, coefficient) array_like
-    basis : CurveBasis
-    weights : (function,) array_like, optional
-        By default those of Eq. (7): the reciprocal of the squared norm of each mean curve.
-    reference : (function, coefficient) array_like, optional
-        Decides signs, see `Fpca`; constant functions by default.
+    rows : (observation, number) array_like
+    metric : (number, number) array_like
+        Symmetric, positive definite.
+    reference : (number,) array_like, optional
+        Decides signs, see `Fpca`; ones by default.
 
     Returns
     -------
@@ -126,47 +109,30 @@ def fit_fpca(
     Raises
     ------
     ValueError
-        If shapes disagree, there are fewer than two observations, they are all alike, or a mean curve that is to give a
-        weight is zero.
+        If shapes disagree, the metric is none, there are fewer than two observations, or they are all alike.
     """
-    curves = _check.finite(curves, "curves")
-    if curves.ndim != 3 or curves.shape[2] != basis.size:
+    rows, metric = _check.finite(rows, "rows"), _check.finite(metric, "metric")
+    if metric.ndim != 2 or rows.ndim != 2 or metric.shape != (rows.shape[1],) * 2:
         raise ValueError(
-            f"'curves' must have shape (observation, function, {basis.size} coefficients), got {curves.shape}."
+            f"'rows' must have shape (observation, number) and 'metric' (number, number), got {rows.shape} and "
+            f"{metric.shape}."
         )
-    if len(curves) < 2:
-        raise ValueError(f"an analysis needs two observations at least, got {len(curves)}.")
-    mean = curves.mean(0)
-    weights = _mean_curve_weights(mean, basis) if weights is None else np.asarray(weights, dtype=float)
-    if weights.shape != mean.shape[:1] or not (weights > 0.0).all():
-        raise ValueError(f"'weights' must be {len(mean)} positive numbers, got {weights}.")
-
-    # The factor's transpose takes coefficients to coordinates with the plain product
-    factor = np.linalg.cholesky(basis.gram)
-    scale = np.sqrt(weights)[:, None]
-    coordinates = ((curves - mean) @ factor * scale).reshape(len(curves), -1)
-    left, singular, right = np.linalg.svd(coordinates, full_matrices=False)
-    variances = singular**2 / (len(curves) - 1)
+    if len(rows) < 2:
+        raise ValueError(f"an analysis needs two observations at least, got {len(rows)}.")
+    try:
+        # The factor's transpose takes coefficients to coordinates with the plain product
+        factor = np.linalg.cholesky(metric)
+    except np.linalg.LinAlgError:
+        raise ValueError("'metric' must be symmetric and positive definite.") from None
+    mean = rows.mean(0)
+    left, singular, right = np.linalg.svd((rows - mean) @ factor, full_matrices=False)
+    variances = singular**2 / (len(rows) - 1)
     # Rounding of the mean leaves something even where all are alike
-    rounding = (1e-14 * np.abs(curves @ factor * scale).max()) ** 2
+    rounding = (1e-14 * np.abs(rows @ factor).max()) ** 2
     kept = variances > max(LEAST_VARIANCE * variances[0], rounding)
     if not kept.any():
         raise ValueError("all observations are alike: there is nothing to analyse.")
-    functions = np.linalg.solve(factor.T, (right[kept].reshape(-1, *mean.shape) / scale)[..., None])[..., 0]
-    fpca = Fpca(basis, weights, mean, functions, variances[kept], (left * singular)[:, kept])
-    sign = _signs(fpca, np.ones_like(mean) if reference is None else np.asarray(reference, dtype=float))
-    return Fpca(basis, weights, mean, functions * sign[:, None, None], fpca.variances, fpca.scores * sign)
-
-
-def _mean_curve_weights(mean: Array, basis: CurveBasis) -> Array:
-    norm = squared_norm(mean, basis)
-    if not (norm > 0.0).all():
-        raise ValueError(
-            f"the mean of function {int(np.argmin(norm))} is zero, so that Eq. (7) gives it no weight. Pass 'weights'."
-        )
-    weights: Array = 1.0 / norm
-    return weights
-
-
-def _signs(fpca: Fpca, reference: Array) -> Array:
-    return np.where(fpca.inner(fpca.functions, reference) < 0.0, -1.0, 1.0)
+    functions = np.linalg.solve(factor.T, right[kept].T).T
+    along = functions @ metric @ (np.ones_like(mean) if reference is None else np.asarray(reference, float))
+    sign = np.where(along < 0.0, -1.0, 1.0)
+    return Fpca(metric, mean, functions * sign[:, None], variances[kept], (left * singular)[:, kept] * sign)

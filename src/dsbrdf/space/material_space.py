@@ -6,23 +6,26 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from dsbrdf.model.check import ALBEDO_ANGLES
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.space.correspondence import gamma_norm, lobe_slots, pad
+from dsbrdf.space.correspondence import lobe_slots, pad
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.settings import SpaceSettings, check_channels, check_convention
-from dsbrdf.space.variables import FLAT
+from dsbrdf.space.variables import Variables
 
-__all__ = ["DRAWN_SHARE", "THETA_D", "MaterialSpace"]
+if TYPE_CHECKING:
+    from dsbrdf.space.prior import Gaussian
+
+__all__ = ["DRAWN_SHARE", "MaterialSpace"]
 
 Array = NDArray[np.float64]
 
-#: Models are tabulated at every five degrees, both ends included.
-THETA_D = np.linspace(0.0, np.pi / 2, 19)
 #: Draws vary along the components that hold this share of the variance; those beyond tell single materials apart.
 DRAWN_SHARE = 0.9
 #: Draws that create light are drawn again, this many times at most.
@@ -36,21 +39,24 @@ class MaterialSpace:
     Parameters
     ----------
     settings : SpaceSettings
+    channels : tuple of str
+        Names of the channels.
     names : tuple of str
         Of the materials.
     sources : tuple of str
         SHA-256 of the measurements they were fitted to; empty where unknown.
-    curves : (material, channel, slot, function, coefficient) ndarray
-        Splines of the lobes' variables, with flat lobes for missing ones.
-    present : (material, channel, slot) ndarray of bool
-        Which lobes are not flat ones.
+    curves : (material, slot, number) ndarray
+        Rows of `dsbrdf.space.variables`, with dark lobes for missing ones.
+    present : (material, slot) ndarray of bool
+        Which lobes are not dark ones.
     border : float
-        Norm of the gamma curve at which specular lobes begin; minus infinity with "rank".
+        Sharpness at which specular lobes begin; minus infinity with "rank".
     n_diffuse : int
         Slots below the border.
     """
 
     settings: SpaceSettings
+    channels: tuple[str, ...]
     names: tuple[str, ...]
     sources: tuple[str, ...]
     curves: Array
@@ -61,83 +67,80 @@ class MaterialSpace:
     @property
     def n_channels(self) -> int:
         """Number of channels."""
-        return int(self.curves.shape[1])
+        return len(self.channels)
 
     @property
     def n_slots(self) -> int:
-        """Lobes a channel, flat ones included."""
-        return int(self.curves.shape[2])
+        """Lobes of a material, dark ones included."""
+        return int(self.curves.shape[1])
+
+    @property
+    def variables(self) -> Variables:
+        """What the numbers of a lobe are."""
+        return Variables(self.settings.sizes, self.n_channels)
 
     @cached_property
     def fpca(self) -> Fpca:
-        """The analysis of all curves; its functions are (channel, slot, variable) in one row.
+        """The analysis of all curves, those of a material in one row.
 
         A positive score is on the side of sharper lobes.
         """
-        curves = self.curves.reshape(len(self.curves), -1, self.settings.basis.size)
-        weights = self.settings.weights(curves.mean(0))
+        variables = self.variables
         sharper = np.zeros(self.curves.shape[1:])
-        sharper[:, :, 1] = 1.0
-        return fit_fpca(curves, self.settings.basis, weights, sharper.reshape(curves.shape[1:]))
+        variables.parts(sharper).gamma[:] = 1.0
+        sharpness = variables.sharpness(self.curves).mean(0)
+        metric = block_diag(*map(variables.metric, sharpness))
+        return fit_fpca(self.curves.reshape(len(self.curves), -1), metric, sharper.ravel())
 
     def encode(self, model: DSBRDF) -> Array:
-        """Curves (channel, slot, function, coefficient) of a model.
+        """Curves (slot, number) of a model.
 
         Raises
         ------
         ValueError
             If it has other channels, more lobes than there are slots for, or was fitted with another convention.
         """
-        check_channels(model, self.n_channels)
+        check_channels(model, self.channels)
         check_convention(model, self.settings.convention)
-        settings = self.settings
-        curves = settings.variables.smooth(model, settings.basis)
-        slots = lobe_slots(gamma_norm(curves, settings.basis), self.border, self.n_diffuse)
+        variables = self.variables
+        rows = variables.of(model.lobes)
+        slots = lobe_slots(variables.sharpness(rows), self.border, self.n_diffuse)
         if slots.min() < 0 or slots.max() >= self.n_slots:
             raise ValueError(
                 f"{model.name or 'the model'}: {model.n_lobes} lobes do not go into this space, which has "
-                f"{self.n_slots} a channel, {self.n_diffuse} of them diffuse. Build the space with this model, or fit "
+                f"{self.n_slots}, {self.n_diffuse} of them diffuse. Build the space with this model, or fit "
                 "the model with fewer lobes."
             )
-        return pad(curves, slots, self.n_slots, settings.variables.flat)[0]
+        return pad(rows, slots, self.n_slots, variables)[0]
 
-    def decode(
-        self, curves: Array, name: str = "", theta_d: Array = THETA_D, *, conserve: bool = True
-    ) -> DSBRDF:
-        """The valid model nearest to some curves (channel, slot, function, coefficient), tabulated at `theta_d`.
+    def decode(self, curves: Array, name: str = "", *, conserve: bool = True) -> DSBRDF:
+        """The valid model nearest to some curves (slot, number).
 
-        Parameters are kept in their ranges; a lobe whose norm would fall below that of the next flatter one stops
-        there; lobes are dimmed where more light would leave than comes in, unless `conserve` is False. Lobes that are
-        flat in all channels are left out.
+        Parameters are kept in their ranges; a lobe that would become flatter than the next flatter one stops there;
+        lobes are dimmed where more light would leave than comes in, unless `conserve` is False. Dark lobes are left
+        out.
         """
-        curves = curves.copy()
-        norm = gamma_norm(curves, self.settings.basis)
-        # The splines add up to one: a constant raises the mean by itself
-        curves[:, :, 1] += (np.maximum.accumulate(norm, axis=1) - norm)[..., None]
-        values = np.einsum("tc,klfc->tklf", self.settings.basis.design(theta_d), curves)
-        parameters = self.settings.variables.parameters(values)
-        shown = parameters[0].max((0, 1)) > 2.0 * FLAT
-        shown |= ~shown.any()
-        kappa, gamma, beta = (parameter[:, :, shown] for parameter in parameters)
-        model = DSBRDF(theta_d, kappa, gamma, beta, name=name)
+        variables = self.variables
+        sharpness = variables.sharpness(curves)
+        parts = variables.parts(curves)
+        # The curve's functions add up to one: a constant raises the mean by itself
+        gamma = parts.gamma + (np.maximum.accumulate(sharpness) - sharpness)[:, None]
+        lobes = variables.lobes(variables.joined(parts._replace(gamma=gamma)))
+        model = DSBRDF(lobes, self.channels, name=name)
         return model.conserve_energy() if conserve else model
 
     def scores(self, model: DSBRDF) -> Array:
         """Scores (component,) of a model; errors as `encode`."""
-        return self.fpca.transform(self._row(self.encode(model)))
+        return self.fpca.transform(self.encode(model).ravel())
 
-    def model(
-        self, scores: Array, name: str = "", theta_d: Array = THETA_D, *, conserve: bool = True
-    ) -> DSBRDF:
-        """The valid model nearest to scores (component,) or the first few of them; options as of `decode`."""
-        curves = self._unrow(self.fpca.inverse_transform(scores))
-        return self.decode(curves, name, theta_d, conserve=conserve)
+    def model(self, scores: Array, name: str = "", *, conserve: bool = True) -> DSBRDF:
+        """The valid model nearest to scores (component,) or the first few of them; option as of `decode`."""
+        return self.decode(self._unrow(self.fpca.inverse_transform(scores)), name, conserve=conserve)
 
     def nearest(self, model: DSBRDF, n: int = 5) -> list[tuple[str, float]]:
         """Names of the nearest `n` materials and their distance, the norm of the difference; errors as `encode`."""
-        difference = self.curves - self.encode(model)
-        rows = difference.reshape(len(self.curves), -1, self.settings.basis.size)
-        distance = np.sqrt(self.fpca.inner(rows, rows))
+        difference = (self.curves - self.encode(model)).reshape(len(self.curves), -1)
+        distance = np.sqrt(self.fpca.inner(difference, difference))
         return [(self.names[i], float(distance[i])) for i in np.argsort(distance, kind="stable")[:n]]
 
     def blend(self, a: DSBRDF, b: DSBRDF, t: float, name: str = "") -> DSBRDF:
@@ -179,8 +182,8 @@ class MaterialSpace:
         name = name or f"{model.name} moved {by:+g} along {axis}"
         return self.decode(self.encode(model) + self._unrow(step), name)
 
-    def sample(self, n: int, rng: np.random.Generator, *, share: float = DRAWN_SHARE) -> list[DSBRDF]:
-        """Draw materials from the prior.
+    def draw(self, n: int, rng: np.random.Generator, *, share: float = DRAWN_SHARE) -> list[DSBRDF]:
+        """Draw materials.
 
         Scores are independent and normal, with the variances of the space, clipped to the range of its materials; what
         would reflect more light than it receives is drawn again.
@@ -202,22 +205,28 @@ class MaterialSpace:
         known = self.fpca.scores[:, : self.fpca.n_components(share)]
         deviation = np.sqrt(self.fpca.variances[: known.shape[1]])
 
-        def draw() -> DSBRDF:
+        def attempt() -> DSBRDF:
             scores = np.clip(deviation * rng.standard_normal(deviation.size), known.min(0), known.max(0))
             return self.model(scores, conserve=False)
 
         drawn = []
         for i in range(n):
-            model = draw()
+            model = attempt()
             for _ in range(MAX_REDRAWS):
                 if model.albedo(ALBEDO_ANGLES).max() <= 1.0:
                     break
-                model = draw()
-            drawn.append(model.conserve_energy().replace(name=f"sample {i + 1}"))
+                model = attempt()
+            drawn.append(model.conserve_energy().replace(name=f"draw {i + 1}"))
         return drawn
 
+    def gaussian(self) -> Gaussian:
+        """The materials as a Gaussian prior over the unknowns of the estimator; see `dsbrdf.space.prior`."""
+        from dsbrdf.space import prior
+
+        return prior.of_space(self)
+
     def material(self, name: str) -> DSBRDF:
-        """A material of the space, as smoothed by its curves.
+        """A material of the space.
 
         Raises
         ------
@@ -261,12 +270,8 @@ class MaterialSpace:
             raise ValueError(f"no material {name!r} in this space of {len(self.names)}.")
         return self.names.index(name)
 
-    def _row(self, curves: Array) -> Array:
-        return curves.reshape(-1, self.settings.basis.size)
-
-    def _unrow(self, curves: Array) -> Array:
-        return curves.reshape(self.curves.shape[1:])
+    def _unrow(self, row: Array) -> Array:
+        return row.reshape(self.curves.shape[1:])
 
     def __repr__(self) -> str:
-        kind = "logarithmic" if self.settings.variables.logarithmic else "raw"
-        return f"MaterialSpace({len(self.names)} materials, {self.n_channels} channels, {self.n_slots} lobes, {kind})"
+        return f"MaterialSpace({len(self.names)} materials, {self.n_channels} channels, {self.n_slots} lobes)"

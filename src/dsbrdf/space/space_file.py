@@ -11,11 +11,9 @@ import numpy as np
 
 from dsbrdf import _files
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
-from dsbrdf.paper.curves import CurveBasis
-from dsbrdf.paper.metrics import LOG_OFFSET
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings
-from dsbrdf.space.variables import Variables
+from dsbrdf.space.variables import DARK, Rows, Sizes, Variables
 
 __all__ = ["SpaceFormatError", "load_space", "save"]
 
@@ -31,7 +29,7 @@ class SpaceFormatError(ValueError):
 
 def _constants() -> dict[str, float]:
     """Numbers that a space depends on and that are the same in all spaces of a version."""
-    return {"kappa_offset": LOG_OFFSET, "azimuthal_width": AZIMUTHAL_WIDTH}
+    return {"dark": DARK, "azimuthal_width": AZIMUTHAL_WIDTH}
 
 
 def save(space: MaterialSpace, path: str | Path) -> None:
@@ -46,14 +44,11 @@ def save(space: MaterialSpace, path: str | Path) -> None:
     header: dict[str, Any] = {
         "format": FORMAT,
         "schema": SCHEMA,
-        "axes": "curves (material, channel, slot, function, coefficient), present (material, channel, slot)",
-        "functions": settings.variables.names,
-        "logarithmic": settings.variables.logarithmic,
+        "axes": "curves (material, slot, number), present (material, slot)",
+        "numbers": list(Rows._fields),
+        "sizes": settings.sizes._asdict(),
+        "channels": list(space.channels),
         "correspondence": settings.correspondence,
-        "n_knots": settings.basis.n_knots,
-        "degree": settings.basis.degree,
-        "domain": settings.basis.domain,
-        "variable": settings.basis.variable,
         "convention": settings.convention,
         "border": space.border if np.isfinite(space.border) else None,
         "n_diffuse": space.n_diffuse,
@@ -126,19 +121,13 @@ def _read_arrays(path: Path) -> dict[str, Any]:
 
 
 def _space(header: dict[str, Any], curves: Any, present: Any) -> MaterialSpace:
-    functions = tuple(header["functions"])
-    variables = Variables(bool(header["logarithmic"]), "beta" in functions)
-    if functions != variables.names:
-        raise ValueError(f"functions {functions} are not {variables.names}.")
-    low, high = header["domain"]
-    basis = CurveBasis(
-        int(header["n_knots"]), int(header["degree"]), (float(low), float(high)), header["variable"]
-    )
-    settings = SpaceSettings(variables, header["correspondence"], basis, str(header["convention"]))
+    channels = tuple(map(str, header["channels"]))
+    variables = Variables(Sizes(**header["sizes"]), len(channels))
+    settings = SpaceSettings(variables.sizes, header["correspondence"], str(header["convention"]))
     names = tuple(str(material["name"]) for material in header["materials"])
-    n_materials, n_channels, n_slots = present.shape
+    n_materials, n_slots = present.shape
     n_diffuse = int(header["n_diffuse"])
-    shape = (n_materials, n_channels, n_slots, len(functions), basis.size)
+    shape = (n_materials, n_slots, variables.n_numbers)
     if (
         curves.shape != shape
         or len(names) != n_materials
@@ -154,6 +143,7 @@ def _space(header: dict[str, Any], curves: Any, present: Any) -> MaterialSpace:
     border = header["border"]
     return MaterialSpace(
         settings,
+        channels,
         names,
         tuple(str(material["sha256"]) for material in header["materials"]),
         curves,

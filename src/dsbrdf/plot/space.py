@@ -1,7 +1,4 @@
-"""Figures of a space: maps of spheres (Figs. 9 and 10), variance, principal functions, blends and draws.
-
-Needs the extra `[plot]`.
-"""
+"""Figures of a space of materials: maps of spheres, variance, principal functions, blends and draws."""
 
 from __future__ import annotations
 
@@ -15,9 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
 
-from dsbrdf import plot
 from dsbrdf.model import sphere
 from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.lobes import MAX_LN_KAPPA
+from dsbrdf.plot import style
+from dsbrdf.plot.model import EXPOSURE
 from dsbrdf.space.build import lobe_fpca
 from dsbrdf.space.material_space import MaterialSpace
 
@@ -42,8 +41,8 @@ MOST_NAMES = 25
 N_DRAWS = 20
 #: Shares of the variance whose number of components the paper tells.
 SHARES = (0.9, 0.95, 0.99)
-#: Least parameters that are drawn.
-LEAST = {"kappa": 1e-3, "gamma": 0.05}
+#: Least height, 1/sr, and gamma that are drawn.
+LEAST = {"height": 1e-3, "gamma": 0.05}
 #: Lobes and materials beyond these quantiles of a coordinate are drawn at the rim, so that a few do not set the scale.
 RIM = (0.01, 0.99)
 CAPTION = (
@@ -77,12 +76,12 @@ def write_all(
     for name, make in FIGURES.items():
         progress(name)
         written.append(Path(out) / f"space-{name}.png")
-        plot.write_figure(make(space), written[-1])
+        style.write_figure(make(space), written[-1])
     return written
 
 
 def material_map(space: MaterialSpace) -> Figure:
-    """Each material as a sphere at its first two scores, as in Fig. 10."""
+    """Each material as a sphere at its first two scores (Fig. 10)."""
     models = [space.decode(curves, conserve=False) for curves in space.curves]
     title = f"{len(models)} materials on the first two principal functions"
     return _map(
@@ -91,13 +90,12 @@ def material_map(space: MaterialSpace) -> Figure:
 
 
 def lobe_map(space: MaterialSpace) -> Figure:
-    """Each lobe of each channel as a sphere at the first two scores of the bivariate analysis, as in Fig. 9."""
+    """Each lobe as a sphere at its first two scores among lobes (Fig. 9)."""
     fpca, lobes = lobe_fpca(space)
-    pictures = []
-    for material, channel, slot in lobes:
-        alone = space.curves[material, channel, slot][None, None]
-        pictures.append(_picture(space.decode(alone, conserve=False)))
-    title = f"{len(lobes)} lobes on the first two bivariate principal functions"
+    pictures = [
+        _picture(space.decode(space.curves[material, slot][None], conserve=False)) for material, slot in lobes
+    ]
+    title = f"{len(lobes)} lobes on the first two principal functions of lobes"
     return _map(pictures, fpca.scores, fpca.explained, title)
 
 
@@ -107,7 +105,7 @@ def _map(
     size = 0.42 if len(pictures) <= 120 else 0.3
     at = scores[:, :2] if scores.shape[1] > 1 else np.pad(scores, ((0, 0), (0, 1)))
     at = np.clip(at, *np.quantile(at, RIM, axis=0))
-    with matplotlib.rc_context(plot.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(9.0, 6.4))
         axes = figure.subplots()
         figure.subplots_adjust(left=0.07, right=0.985, top=0.94, bottom=0.13)
@@ -136,17 +134,17 @@ def scree_figure(space: MaterialSpace) -> Figure:
     """Share of the variance of each component, and of the first ones together."""
     explained = space.fpca.explained
     count = np.arange(1, len(explained) + 1)
-    with matplotlib.rc_context(plot.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(7.0, 3.6))
         axes = figure.subplots()
         figure.subplots_adjust(left=0.1, right=0.97, top=0.9, bottom=0.16)
-        axes.bar(count, explained, color=plot.PALE, edgecolor=plot.GREY, lw=0.6, label="of each")
+        axes.bar(count, explained, color=style.PALE, edgecolor=style.GREY, lw=0.6, label="of each")
         axes.plot(
-            count, np.cumsum(explained), "o-", ms=3.0, color=plot.CHANNEL_COLOURS[2], label="of the first"
+            count, np.cumsum(explained), "o-", ms=3.0, color=style.CHANNEL_COLOURS[2], label="of the first"
         )
         for share in SHARES:
             n = space.fpca.n_components(share)
-            axes.plot([0, n, n], [share, share, 0], color=plot.CHANNEL_COLOURS[0], lw=0.8, ls="--")
+            axes.plot([0, n, n], [share, share, 0], color=style.CHANNEL_COLOURS[0], lw=0.8, ls="--")
             axes.annotate(f"{share:.0%}: {n}", (n, share), (6, -11), textcoords="offset points", fontsize=8.5)
         axes.set_xlim(0.3, min(len(explained), space.fpca.n_components(0.995) + 3) + 0.7)
         axes.set_ylim(0.0, 1.04)
@@ -162,9 +160,8 @@ def scree_figure(space: MaterialSpace) -> Figure:
 def principal_figure(space: MaterialSpace) -> Figure:
     """What the first principal functions do: spheres, and the curves of one channel, at steps along each."""
     n = min(SHOWN, len(space.fpca.variances))
-    channel = space.n_channels // 2
     theta_d = np.linspace(0.0, np.pi / 2, 91)
-    with matplotlib.rc_context(plot.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(11.0, 1.75 * n + 1.05))
         height = figure.get_figheight()
         widths = [1.0] * len(STEPS) + [0.25, 1.5, 0.25, 1.5]
@@ -180,11 +177,10 @@ def principal_figure(space: MaterialSpace) -> Figure:
                     axes.set_title("mean" if step == 0.0 else f"{step:+g} s.d.")
             row[0].text(-0.1, 0.5, f"{k + 1}: {space.fpca.explained[k]:.0%}", transform=row[0].transAxes,
                         rotation=90, ha="right", va="center")  # fmt: skip
-            for symbol, axes in zip(("kappa", "gamma"), row[[-3, -1]], strict=True):
-                _draw_functions(axes, space, moved, channel, theta_d, symbol)
+            for what, axes in zip(LEAST, row[[-3, -1]], strict=True):
+                _draw_functions(axes, space, moved, theta_d, what)
                 if k == 0:
-                    name = plot.model._channels(space.n_channels)[channel][0]
-                    axes.set_title(rf"$\{symbol}$ of each lobe, {name}")
+                    axes.set_title({"height": "height of each lobe, 1/sr", "gamma": r"$\gamma$ of each lobe"}[what])
                 if k == n - 1:
                     axes.set_xlabel(r"$\theta_d$ (degrees)")
                 axes.tick_params(labelbottom=k == n - 1)
@@ -199,15 +195,14 @@ def _along(space: MaterialSpace, k: int, step: float) -> Array:
 
 
 def _draw_functions(
-    axes: Any, space: MaterialSpace, moved: Sequence[Array], channel: int, theta_d: Array, symbol: str
+    axes: Any, space: MaterialSpace, moved: Sequence[Array], theta_d: Array, what: str
 ) -> None:
-    design = space.settings.basis.design(theta_d)
     for step, dash in ((0.0, "-"), (1.0, "--"), (-1.0, ":")):
-        values = np.einsum("tc,lfc->tlf", design, moved[STEPS.index(step)][channel])
-        curves = space.settings.variables.parameters(values)[("kappa", "gamma").index(symbol)]
-        for slot, curve in enumerate(curves.T):
-            colour = plot.LOBE_COLOURS[slot % len(plot.LOBE_COLOURS)]
-            axes.plot(np.rad2deg(theta_d), np.maximum(curve, LEAST[symbol]), dash, color=colour, lw=1.2)
+        at = space.variables.lobes(moved[STEPS.index(step)]).at(theta_d)
+        height = np.expm1(np.minimum(at.kappa, np.exp(MAX_LN_KAPPA))).mean(1)
+        for slot, curve in enumerate({"height": height, "gamma": at.gamma}[what].T):
+            colour = style.LOBE_COLOURS[slot % len(style.LOBE_COLOURS)]
+            axes.plot(np.rad2deg(theta_d), np.maximum(curve, LEAST[what]), dash, color=colour, lw=1.2)
     axes.set_yscale("log")
     axes.set_xlim(0.0, 90.0)
     axes.set_xticks(range(0, 91, 30))
@@ -232,9 +227,9 @@ def _ends(space: MaterialSpace) -> list[tuple[str, str]]:
 
 
 def draws_figure(space: MaterialSpace, seed: int = 1) -> Figure:
-    """Materials drawn from the prior."""
+    """Materials drawn from the space."""
     n = N_DRAWS
-    models = space.sample(n, np.random.default_rng(seed))
+    models = space.draw(n, np.random.default_rng(seed))
     width = 10
     rows = [("", models[i : i + width]) for i in range(0, n, width)]
     return _strips(rows, [""] * width, f"{n} materials drawn from a space of {len(space.names)}. {CAPTION}")
@@ -242,7 +237,7 @@ def draws_figure(space: MaterialSpace, seed: int = 1) -> Figure:
 
 def _strips(rows: Sequence[tuple[str, Sequence[DSBRDF]]], titles: Sequence[str], caption: str) -> Figure:
     labelled = any(label for label, _ in rows)
-    with matplotlib.rc_context(plot.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(1.12 * len(titles), (1.36 if labelled else 1.1) * len(rows) + 0.55))
         grid = figure.subplots(len(rows), len(titles), squeeze=False)
         height = figure.get_figheight()
@@ -268,12 +263,12 @@ def _picture(model: DSBRDF, scale: int = 1) -> Array:
     radiance = sphere.shade(model, scale * N_PIXELS)
     # All spheres cover the same pixels
     mean = float(radiance.mean()) / (np.pi / 4)
-    return sphere.picture(radiance, plot.EXPOSURE / max(mean, 1e-9))
+    return sphere.picture(radiance, EXPOSURE / max(mean, 1e-9))
 
 
 def _caption(figure: Figure, text: str) -> None:
     figure.text(
-        0.5, 0.09 / figure.get_figheight(), text, ha="center", va="bottom", fontsize=8.0, color=plot.GREY
+        0.5, 0.09 / figure.get_figheight(), text, ha="center", va="bottom", fontsize=8.0, color=style.GREY
     )
 
 
