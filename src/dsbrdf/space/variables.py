@@ -31,8 +31,8 @@ DARK = 1e-3
 HEIGHT = (1e-13, 1e13)
 #: Least and greatest gamma: flat, and a mirror.
 GAMMA = (1e-6, 1e6)
-#: Gammas below are hardly seen.
-FLAT = 0.05
+#: Where the unknowns of a prior end: the kappa of a lobe that adds next to nothing, and a gamma that is hardly seen.
+LEAST_KAPPA, FLAT = 1e-5, 0.05
 #: A lobe that is nowhere higher is left out of a model, 1/sr.
 ABSENT = 1e-7
 #: Angles theta_d of integrals over them.
@@ -146,11 +146,12 @@ class Variables:
         """Unknowns (..., unknown) of the estimator for rows (..., lobe, number).
 
         For each lobe scale, gamma, beta and falloff, then for each channel, for each lobe, its colour; one channel has
-        none. The logarithms of kappa and of gamma end at `DARK` and `FLAT`, so that what cannot be seen varies little.
+        none. The logarithms of kappa and of gamma end at `LEAST_KAPPA` and `FLAT`, so that what cannot be seen varies
+        little.
         """
         height, gamma, beta, falloff, colour = self.parts(rows)
         kappa = np.log1p(np.maximum(np.exp(height[..., None, :] + colour) - DARK, 0.0))
-        ln_kappa = np.log(kappa + DARK)
+        ln_kappa = np.log(kappa + LEAST_KAPPA)
         scale = ln_kappa.mean(-2)
         ln_gamma = np.log(np.maximum(np.expm1(gamma), 0.0) + FLAT)
         shared = np.concatenate([scale, ln_gamma, beta, falloff], axis=-1)
