@@ -2,23 +2,27 @@
 
 import numpy as np
 
-from dsbrdf import DSBRDF
-from dsbrdf.paper.curves import CurveBasis
-from dsbrdf.space.variables import Variables
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.lobes import Lobes
+from dsbrdf.space.variables import Sizes
 
-BASIS = CurveBasis()
+#: Logarithms of kappa and gamma of lobes from flat to sharp.
+LEVELS = np.array([[-3.5, 0.5], [-2.5, 2.5], [-1.0, 4.5], [0.0, 6.5]])
 
 
-def smooth_model(seed, n_lobes=3, n_channels=3, theta_d=None, beta=False, **fields):
-    """A model whose logarithms are splines: diffuse, then sharper and sharper lobes."""
+def smooth_model(seed, n_lobes=3, n_channels=3, sizes=None, **fields):
+    """A model whose curves vary a little, its lobes in any order."""
     rng = np.random.default_rng(seed)
-    theta_d = np.linspace(0.0, np.pi / 2, 19) if theta_d is None else theta_d
-    level = np.array([[-3.5, 1.8], [-2.5, 3.8], [-1.0, 5.5], [0.0, 7.0]])[:n_lobes, :, None]
-    # Channels are alike
-    common, own = rng.normal(size=(1, n_lobes, 2, 1)), rng.normal(size=(n_channels, n_lobes, 2, BASIS.size))
-    values = np.einsum("tc,klfc->tklf", BASIS.design(theta_d), level + 0.3 * common + 0.2 * own)
-    kappa, gamma, _ = Variables().parameters(values)
-    wave = rng.uniform(-0.9, 0.9, (n_channels, n_lobes)) * np.ones((len(theta_d), 1, 1))
-    order = rng.permutation(n_lobes)
-    parts = (x[:, :, order] for x in (kappa, gamma, wave if beta else np.zeros_like(kappa)))
-    return DSBRDF(theta_d, *parts, name=fields.pop("name", f"material-{seed}"), **fields)
+    sizes = sizes or Sizes()
+    scale, gamma, beta, falloff = (
+        0.3 * rng.normal(size=(n_lobes, 1)) + 0.2 * rng.normal(size=(n_lobes, size)) for size in sizes[:4]
+    )
+    colour = 0.3 * rng.normal(size=(n_channels, n_lobes, sizes[4]))
+    lobes = Lobes(
+        LEVELS[:n_lobes, :1] + scale,
+        LEVELS[:n_lobes, 1:] + gamma,
+        beta,
+        0.3 * falloff,
+        colour - colour.mean(0),
+    ).take(rng.permutation(n_lobes))
+    return DSBRDF(lobes, name=fields.pop("name", f"material-{seed}"), **fields)
