@@ -6,7 +6,7 @@ Run as `python examples/rgl_to_merl.py FILE.bsdf [...]`.
 import sys
 from pathlib import Path
 
-from dsbrdf.measured.convert import convert
+from dsbrdf.export.convert import convert
 
 
 def main():

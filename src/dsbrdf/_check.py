@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _core
 
-__all__ = ["angle", "finite", "unit_vectors", "unit_vectors_any"]
+__all__ = ["angle", "finite", "require_rgb", "unit_vectors", "unit_vectors_any"]
 
 UNIT_TOLERANCE = 1e-4
 
@@ -123,3 +123,26 @@ def _not_unit(name: str, norm: float, index: tuple[int, ...]) -> ValueError:
         f"'{name}' must be unit vectors on the last axis, got norm {norm:.6g}{place}. "
         f"Divide by numpy.linalg.norm({name}, axis=-1, keepdims=True)."
     )
+
+
+def require_rgb(n_channels: int, what: str) -> None:
+    """Refuse a model that a format of three colours cannot hold.
+
+    Parameters
+    ----------
+    n_channels : int
+        Of the model.
+    what : str
+        What wants three, as the subject of the sentence.
+
+    Raises
+    ------
+    ValueError
+        Unless there are three channels.
+    """
+    if n_channels != 3:
+        raise ValueError(
+            f"{what} has 3 channels, linear sRGB; the model has {n_channels}. Make a model of three: "
+            "lobes = model.lobes.replace(colour=model.lobes.colour[[i, j, k]]), then "
+            "model.replace(lobes=lobes, channels=())."
+        )

@@ -8,7 +8,7 @@ from spaces import smooth_model
 
 import dsbrdf
 from dsbrdf import batch, cli
-from dsbrdf.measured.convert import write_csv
+from dsbrdf.export.convert import write_csv
 from dsbrdf.measured.formats.array_file import write_npz
 from dsbrdf.measured.formats.nbrdf import PARTS
 from dsbrdf.space import build_space, load_space

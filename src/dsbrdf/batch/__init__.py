@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 from dsbrdf import _files
 from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path, source_of
+from dsbrdf.fitting.fit import Fit, fit
 from dsbrdf.measured import MeasuredBRDF, Samples, built_in, read
 from dsbrdf.measured.formats.nbrdf import npy_set
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.fit_measured import Fit, FitStatus, fit
-from dsbrdf.paper.selection import LobeSelection
 
 if TYPE_CHECKING:
     from dsbrdf.batch.worker import Workers
@@ -62,8 +61,8 @@ class Outcome:
     target : str
         The file, the built-in material, or the name of what was given.
     summary : dict or None
-        `Fit.summary`, with "criterion", its values for 1, 2, ... lobes, where the number was chosen; None if the
-        fit failed.
+        `Fit.summary`, with "criteria", what chose the number of lobes, for 1, 2, ... lobes, where it was chosen; None
+        if the fit failed.
     path : Path or None
         The model file.
     status : str
@@ -72,8 +71,6 @@ class Outcome:
         Whether the model is that of an earlier run.
     error : Exception or None
         Why there is no model.
-    selection : LobeSelection or None
-        Why there are so many lobes, if that was chosen in this run.
     model : DSBRDF or None
         The model, if it was fitted in this run.
     """
@@ -84,7 +81,6 @@ class Outcome:
     status: str = "ok"
     kept: bool = False
     error: Exception | None = None
-    selection: LobeSelection | None = field(default=None, repr=False)
     model: DSBRDF | None = field(default=None, repr=False)
 
 
@@ -328,8 +324,8 @@ def _work(
                 # Hashed here, while the other thread fits
                 _ = measured.source.sha256
             summary = result.summary()
-        if result.selection is not None:
-            summary["criterion"] = result.selection.values.tolist()
+        if result.estimate.criteria.size:
+            summary["criteria"] = result.estimate.criteria.tolist()
         return _Work(name, source, result, summary)
     except Exception as error:
         return _Work(name, error=error)
@@ -346,15 +342,14 @@ def _finish(target: str, work: _Work, path: Path | None, book: Book, plots: bool
         result.model.save(path)
         if plots:
             _write_figures(result, path)
-    bad = sum(report.status is FitStatus.MAX_ITERATIONS for report in result.slices)
-    status = f"{bad} of {len(result.slices)} slices out of iterations" if bad else "ok"
+    status = "ok" if result.converged else "out of iterations"
     if path is not None and book.folder is not None:
         source = work.source and {**work.source, "sha256": result.measured.source.sha256}
         hashed = _files.sha256(path)
         entry = {"source": source, "model_sha256": hashed, "summary": work.summary, "status": status}
         book.add(work.name, {**entry, "options": book.options})
         book.save()
-    return Outcome(target, work.summary, path, status, selection=result.selection, model=result.model)
+    return Outcome(target, work.summary, path, status, model=result.model)
 
 
 def _write_figures(result: Fit, path: Path) -> None:
@@ -367,10 +362,6 @@ def _write_figures(result: Fit, path: Path) -> None:
         )
         return
     from dsbrdf import plot
-    from dsbrdf.paper import plot_selection
 
     plot.write_figure(plot.fit_figure(result), figure_path(path, ""))
     plot.write_figure(plot.parameter_figure(result.model), figure_path(path, "-parameters"))
-    if result.selection is not None:
-        figure = plot_selection.selection_figure(result.selection, result.model.name)
-        plot.write_figure(figure, figure_path(path, "-selection"))

@@ -23,8 +23,21 @@ RECORD = ".dsbrdf-batch.json"
 TABLES = ("fits.csv", "fits.md")
 FORMAT = "dsbrdf batch"
 SCHEMA = 1
-NUMBERS = ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor", "log_rms")
-COLUMNS = ("name", "lobes", *NUMBERS, "seconds", "status")
+#: Of a summary.
+NUMBERS = ("n_lobes", "n_parameters", "rel", "cbrt", "log", "albedo", "bivariate_floor", "azimuthal_floor", "seconds")
+COLUMNS = ("name", *NUMBERS, "status")
+#: Heads of the table for people, and digits after the point.
+HEADS = {
+    "n_lobes": ("lobes", 0),
+    "n_parameters": ("numbers", 0),
+    "rel": ("rel", 3),
+    "cbrt": ("cbrt", 3),
+    "log": ("log", 3),
+    "albedo": ("albedo", 3),
+    "bivariate_floor": ("bivariate floor", 3),
+    "azimuthal_floor": ("azimuthal floor", 3),
+    "seconds": ("seconds", 2),
+}
 
 
 def figure_path(path: Path, ending: str) -> Path:
@@ -85,9 +98,8 @@ class Book:
 
     def _has_figures(self, name: str) -> bool:
         assert self.folder is not None
-        is_selected = self.options.get("n_lobes", "auto") == "auto" and "prior" not in self.options
-        endings = ["", "-parameters"] + ["-selection"] * is_selected
-        return all(figure_path(self.folder / f"{name}.json", ending).exists() for ending in endings)
+        path = self.folder / f"{name}.json"
+        return all(figure_path(path, ending).exists() for ending in ("", "-parameters"))
 
     def add(self, name: str, entry: dict[str, Any]) -> None:
         """Note a model; `save` writes it down."""
@@ -142,7 +154,8 @@ def _told(option: Any) -> str:
 
     if not isinstance(option, MaterialSpace):
         return str(option)
-    content = repr((option.settings, option.border, option.n_diffuse)).encode() + option.curves.tobytes()
+    content = repr((option.settings, option.channels, option.border, option.n_diffuse)).encode()
+    content += option.curves.tobytes()
     return f"{len(option.names)} materials, SHA-256 {hashlib.sha256(content).hexdigest()}"
 
 
@@ -164,12 +177,12 @@ def _is_sound(entry: Any) -> bool:
         isinstance(entry.get(key), kind) for key, kind in kinds.items()
     ):
         return False
-    return "source" in entry and {"name", "n_lobes", "seconds", *NUMBERS} <= set(entry["summary"])
+    return "source" in entry and {"name", *NUMBERS} <= set(entry["summary"])
 
 
 def _row(name: str, summary: Mapping[str, Any], status: str) -> dict[str, Any]:
-    numbers = {key: summary.get(key) for key in (*NUMBERS, "seconds")}
-    return {"name": name, "lobes": summary.get("n_lobes"), **numbers, "status": " ".join(status.split())}
+    numbers = {key: summary.get(key) for key in NUMBERS}
+    return {"name": name, **numbers, "status": " ".join(status.split())}
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -181,20 +194,21 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _markdown(rows: Sequence[Mapping[str, Any]], options: Mapping[str, Any]) -> str:
-    heads = ("material", "lobes", "error %", "bivariate floor %", "monotone floor %", "azimuthal floor %")
+    heads = ["material", *(head for head, _ in HEADS.values()), "status"]
     lines = [
-        f"Fits with {', '.join(f'{key} {value}' for key, value in options.items())}. Errors are relative RMS.",
+        f"Fits with {', '.join(f'{key} {value}' for key, value in options.items())}. Errors over the whole hemisphere: "
+        "relative RMS of values (rel) and of cube roots of f cos cos (cbrt), RMS of logarithms (log), relative error of "
+        "the albedo; floors of rel.",
         "",
-        "| " + " | ".join((*heads, "log RMS", "seconds", "status")) + " |",
-        "|---|" + "---:|" * 7 + "---|",
+        "| " + " | ".join(heads) + " |",
+        "|---|" + "---:|" * len(HEADS) + "---|",
     ]
     for row in rows:
-        cells = [row["name"], "-" if row["lobes"] is None else row["lobes"]]
-        cells += [_number(row[key], 100.0, 2) for key in NUMBERS[:4]]
-        cells += [_number(row["log_rms"], 1.0, 3), _number(row["seconds"], 1.0, 2), row["status"]]
+        numbers = [_number(row[key], digits) for key, (_, digits) in HEADS.items()]
+        cells = [row["name"], *numbers, row["status"]]
         lines.append("| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
 
 
-def _number(value: float | None, factor: float, digits: int) -> str:
-    return f"{factor * value:.{digits}f}" if value is not None and math.isfinite(value) else "-"
+def _number(value: float | None, digits: int) -> str:
+    return f"{value:.{digits}f}" if value is not None and math.isfinite(value) else "-"

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from dsbrdf.batch import WorkerDiedError, open_target
+from dsbrdf.fitting.fit import Fit, fit
 from dsbrdf.measured import MeasuredBRDF, Samples
-from dsbrdf.paper.fit_measured import Fit, fit
 
 __all__ = ["Workers"]
 

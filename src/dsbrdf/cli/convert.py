@@ -11,7 +11,7 @@ import typer
 from dsbrdf.cli._app import State, app, check_output, say
 
 if TYPE_CHECKING:
-    from dsbrdf.measured.convert import Conversion
+    from dsbrdf.export.convert import Conversion
 
 
 #: Share of valid entries below which a table is of little use.
@@ -49,8 +49,8 @@ def convert(
 ) -> None:
     """Convert measured files to another format; print what it loses."""
     from dsbrdf import batch
-    from dsbrdf.measured.convert import KINDS
-    from dsbrdf.measured.convert import convert as convert_file
+    from dsbrdf.export.convert import KINDS
+    from dsbrdf.export.convert import convert as convert_file
     from dsbrdf.measured.formats.nbrdf import npy_set
 
     state: State = context.obj

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dsbrdf.export._channels import require_rgb
+from dsbrdf._check import require_rgb
 from dsbrdf.measured import tabulate, write_merl
 from dsbrdf.model.dsbrdf import DSBRDF
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
-from dsbrdf.export._channels import require_rgb
+from dsbrdf._check import require_rgb
 from dsbrdf.geometry import half_diff
 from dsbrdf.model.dsbrdf import DSBRDF
 

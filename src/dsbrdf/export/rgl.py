@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
+from dsbrdf._check import require_rgb
 from dsbrdf.export import spectrum
-from dsbrdf.export._channels import require_rgb
 from dsbrdf.geometry import half_diff
 from dsbrdf.geometry.colour import LUMINANCE
 from dsbrdf.measured.formats.tensor_file import write_tensor_file

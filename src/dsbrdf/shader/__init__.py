@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.export._channels import require_rgb
+from dsbrdf._check import require_rgb
 from dsbrdf.geometry import half_diff
 from dsbrdf.model import sampling
 from dsbrdf.model.lobes import SHARED, Lobes

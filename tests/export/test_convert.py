@@ -12,7 +12,7 @@ import dsbrdf.export.rgl
 import dsbrdf.measured.reflectance
 from dsbrdf import Samples, cli, read, tabulate
 from dsbrdf.measured import built_in
-from dsbrdf.measured.convert import KINDS, convert, write_csv
+from dsbrdf.export.convert import KINDS, convert, write_csv
 from dsbrdf.measured.formats.array_file import write_npz
 from dsbrdf.measured.formats.nbrdf import PARTS
 
@@ -218,7 +218,7 @@ def test_a_folder_to_a_folder(tmp_path, capsys):
 
 
 def test_a_folder_of_networks_or_of_models(model_file, tmp_path, capsys, monkeypatch):
-    from dsbrdf.measured import convert
+    from dsbrdf.export import convert
 
     done = []
 

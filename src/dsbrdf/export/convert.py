@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +23,14 @@ from dsbrdf.measured.read import read
 from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
 from dsbrdf.model import file as model_file
-from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 
 __all__ = ["KINDS", "Conversion", "convert", "write_csv"]
 
 #: Kinds of files that can be written, and their suffixes.
 KINDS = {"merl": ".binary", "rgl": ".bsdf", "npz": ".npz", "csv": ".csv", "tsv": ".tsv"}
+#: Names of channels that can be those of columns, and what else columns may be named.
+COLUMN, TAKEN = re.compile(r"\w[\w.]*"), re.compile(r"weight|std|(theta|phi)_.*|w[io]_.*", re.IGNORECASE)
 #: Of a table.
 ANGLES = ("theta_h", "theta_d", "phi_d")
 Content: TypeAlias = MeasuredBRDF | Samples | DSBRDF
@@ -149,15 +153,15 @@ def _write_rgl(content: Content, path: Path) -> None:
 def _write_npz(content: Content, path: Path) -> None:
     from dsbrdf.measured.formats.array_file import write_npz
 
-    write_npz(tabulate(content.eval, content.name) if isinstance(content, DSBRDF) else content, path)
+    write_npz(_tabulated(content) if isinstance(content, DSBRDF) else content, path)
 
 
 def _write_csv(content: Content, path: Path) -> None:
-    write_csv(tabulate(content.eval, content.name) if isinstance(content, DSBRDF) else content, path, ",")
+    write_csv(_tabulated(content) if isinstance(content, DSBRDF) else content, path, ",")
 
 
 def _write_tsv(content: Content, path: Path) -> None:
-    write_csv(tabulate(content.eval, content.name) if isinstance(content, DSBRDF) else content, path, "\t")
+    write_csv(_tabulated(content) if isinstance(content, DSBRDF) else content, path, "\t")
 
 
 _WRITERS: dict[str, Callable[[Content, Path], None]] = {
@@ -173,15 +177,15 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
     """Write the valid values of a table, or samples, one pair of directions a line, with nine digits.
 
     The columns are `theta_i_rad`, `theta_o_rad` and `phi_o_rad`, counted from the azimuth of the light, then the
-    channels in 1/sr, then `weight` where there is one.
+    channels in 1/sr, then `weight` where there is one. Channels have their names, or numbers if one of these cannot be
+    that of a column.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    n = measured.n_channels
-    channels = {1: ["value"], 3: ["r", "g", "b"]}.get(n, [f"channel_{i + 1}" for i in range(n)])
+    channels = _columns(channel_names(measured.channels, measured.n_channels))
     weighted = isinstance(measured, Samples) and measured.weights is not None
     header = ["theta_i_rad", "theta_o_rad", "phi_o_rad", *channels, *(["weight"] if weighted else [])]
     with _files.aside(path) as part, part.open("w", encoding="utf-8", newline="\n") as file:
@@ -196,11 +200,32 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
             np.savetxt(file, np.stack(rows, axis=-1)[some], fmt="%.9g", delimiter=delimiter)
 
 
+def _columns(names: Sequence[str]) -> list[str]:
+    """Names of channels as those of columns."""
+    unlike = len({name.lower() for name in names}) == len(names)
+    if unlike and all(COLUMN.fullmatch(x) and not TAKEN.fullmatch(x) and not _is_number(x) for x in names):
+        return list(names)
+    return [f"channel_{i + 1}" for i in range(len(names))]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _tabulated(model: DSBRDF) -> MeasuredBRDF:
+    """A model at the middles of the cells of a MERL table."""
+    return dataclasses.replace(tabulate(model.eval, model.name), channels=model.channels)
+
+
 def _on_merl_grid(content: Content, path: Path) -> MeasuredBRDF:
     """The content as a table that a MERL file holds."""
     _need_rgb(content, path)
     if isinstance(content, DSBRDF):
-        return tabulate(content.eval, content.name)
+        return _tabulated(content)
     if isinstance(content, Samples):
         return _gather(content)
     on_grid = _same_angles([getattr(content, name) for name in ANGLES], cell_angles(content.convention))
