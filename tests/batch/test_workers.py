@@ -15,7 +15,6 @@ from batches import OPTIONS, files_in, run, table
 import dsbrdf
 from dsbrdf import batch
 from dsbrdf.batch import worker
-from dsbrdf.paper.fit_measured import fit_profiles
 
 pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 
@@ -41,14 +40,15 @@ def test_errors_come_from_processes_too(database, capsys):
     assert [outcome.error is None for outcome in outcomes] == [True, False, True]
     assert "not a MERL file" in outcomes[1].status
     (outcome,) = batch.fit_many(["matte"], processes=1, n_lobes=0)
-    assert "'n_lobes' must be between 1 and 10" in outcome.status
+    assert "'n_lobes' must be 1 to 10 or 'auto', got 0" in outcome.status
     assert isinstance(outcome.error, ValueError)
     assert capsys.readouterr().out == ""
 
 
 def test_warnings_come_from_processes_too():
-    with pytest.warns(dsbrdf.ConvergenceWarning, match="out of iterations"):
-        batch.fit_many(["polished-chrome"], processes=1, n_lobes=3, method="em")
+    with pytest.warns(dsbrdf.ConvergenceWarning, match="polished-chrome: the search ended after 1 iterations"):
+        (outcome,) = batch.fit_many(["polished-chrome"], processes=1, n_lobes=3, max_iterations=1)
+    assert outcome.status == "out of iterations"
 
 
 def kill_when_seen(processes, times, done):
@@ -124,11 +124,11 @@ def test_fewer_processes_than_none():
 
 
 def test_fits_in_threads(small_table):
-    expected = dsbrdf.fit(small_table, **OPTIONS).model.kappa
+    expected = dsbrdf.fit(small_table, **OPTIONS).model.lobes.scale
     with ThreadPoolExecutor(8) as pool:
         fits = list(pool.map(lambda _: dsbrdf.fit(small_table, **OPTIONS), range(24)))
     for fit in fits:
-        np.testing.assert_array_equal(fit.model.kappa, expected)
+        np.testing.assert_array_equal(fit.model.lobes.scale, expected)
 
 
 def test_the_lock_of_the_interpreter_is_released():
@@ -141,10 +141,9 @@ def test_the_lock_of_the_interpreter_is_released():
             ticks.append(time.perf_counter())
 
     thread = threading.Thread(target=tick)
-    profiles = dsbrdf.slice_profiles(table, n_slices=90)
     thread.start()
     start = time.perf_counter()
-    fit_profiles(profiles, 4)
+    dsbrdf.fit(table, 4)
     took = time.perf_counter() - start
     done.set()
     thread.join()
@@ -164,8 +163,8 @@ table = built_in("matte", (30, 6, 12))
 up = np.tile([0.0, 0.6, 0.8], (20000, 1))
 
 def work():
-    model = dsbrdf.fit(table, 1, n_slices=6).model
-    return model.kappa.tobytes() + model.eval(up, up).tobytes()
+    model = dsbrdf.fit(table, 1).model
+    return model.lobes.scale.tobytes() + model.eval(up, up).tobytes()
 
 expected = work()
 stop = threading.Event()

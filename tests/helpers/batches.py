@@ -4,7 +4,7 @@ import csv
 
 from dsbrdf import batch
 
-OPTIONS = {"n_lobes": 1, "n_slices": 3}
+OPTIONS = {"n_lobes": 1}
 
 
 def run(folder, out, **options):

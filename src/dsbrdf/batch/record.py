@@ -23,10 +23,7 @@ RECORD = ".dsbrdf-batch.json"
 TABLES = ("fits.csv", "fits.md")
 FORMAT = "dsbrdf batch"
 SCHEMA = 1
-#: Of a summary.
-NUMBERS = ("n_lobes", "n_parameters", "rel", "cbrt", "log", "albedo", "bivariate_floor", "azimuthal_floor", "seconds")
-COLUMNS = ("name", *NUMBERS, "status")
-#: Heads of the table for people, and digits after the point.
+#: Numbers of a summary that tables show: the head in the one for people, and digits after the point.
 HEADS = {
     "n_lobes": ("lobes", 0),
     "n_parameters": ("numbers", 0),
@@ -38,6 +35,7 @@ HEADS = {
     "azimuthal_floor": ("azimuthal floor", 3),
     "seconds": ("seconds", 2),
 }
+COLUMNS = ("name", *HEADS, "status")
 
 
 def figure_path(path: Path, ending: str) -> Path:
@@ -177,11 +175,11 @@ def _is_sound(entry: Any) -> bool:
         isinstance(entry.get(key), kind) for key, kind in kinds.items()
     ):
         return False
-    return "source" in entry and {"name", *NUMBERS} <= set(entry["summary"])
+    return "source" in entry and {"name", *HEADS} <= set(entry["summary"])
 
 
 def _row(name: str, summary: Mapping[str, Any], status: str) -> dict[str, Any]:
-    numbers = {key: summary.get(key) for key in NUMBERS}
+    numbers = {key: summary.get(key) for key in HEADS}
     return {"name": name, **numbers, "status": " ".join(status.split())}
 
 

@@ -139,7 +139,9 @@ def _serve(jobs: BinaryIO, answers: BinaryIO) -> None:
                 if hashed:
                     # Here, while the other processes fit
                     _ = measured.source.sha256
-                result = dataclasses.replace(result, measured=None)  # type: ignore[arg-type]
+                # Without what the kernel keeps, which cannot be sent
+                observations = dataclasses.replace(result.observations)
+                result = dataclasses.replace(result, measured=None, observations=observations)  # type: ignore[arg-type]
             except Exception as raised:
                 error = raised
         told = [(str(warning.message), warning.category) for warning in caught]
