@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tables import lobes
+from by_hand import by_hand
 
 from dsbrdf import read_merl
 from dsbrdf.cli import main
 from dsbrdf.export import FORMATS, export
 
-MODEL = lobes([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1]).replace(name="made up")
-ONE_CHANNEL = lobes([0.5], [3.0], [0.0], tint=(1.0,))
-TWO_CHANNELS = lobes([0.5], [3.0], [0.0], tint=(1.0, 0.5))
+MODEL = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], name="made up")
+ONE_CHANNEL = by_hand([0.5], [3.0], [0.0], tint=(1.0,))
+TWO_CHANNELS = by_hand([0.5], [3.0], [0.0], tint=(1.0, 0.5))
 EXAMPLE = Path(__file__).parents[2] / "examples" / "stock_mitsuba.py"
 
 

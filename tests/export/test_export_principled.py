@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from by_hand import by_hand
 from mitsuba_tools import VARIANT, interaction, vectors
-from tables import built_in, lobes, quiet_fit
 
+import dsbrdf
 from dsbrdf.export import preview
 from dsbrdf.export.preview import write_gltf, write_principled
 
@@ -75,8 +76,9 @@ def test_the_fit_finds_a_material_of_its_kind(material, size):
     assert loss == "it is a preview: relative RMS of f cos cos 0 %, of its cube root 0 %."
 
 
+@pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 def test_files(tmp_path):
-    model = quiet_fit(built_in("rough-gold"), 2).model
+    model = dsbrdf.fit(dsbrdf.material("rough-gold"), 2).model
     loss = write_principled(model, tmp_path / "x.json")
     content = json.loads((tmp_path / "x.json").read_text())
     assert content["type"] == "principled"
@@ -100,6 +102,6 @@ def test_files(tmp_path):
 
 def test_a_material_of_another_kind_loses_more(tmp_path):
     """Two lobes of very different width in one."""
-    model = lobes([3.0, 0.6], [3000.0, 15.0], [0.0, 0.0])
+    model = by_hand([3.0, 0.6], [3000.0, 15.0], [0.0, 0.0])
     loss = write_gltf(model, tmp_path / "x.gltf")
     assert int(loss.split("cos cos ")[1].split(" %")[0]) > 20

@@ -30,7 +30,7 @@ def list_(
     ] = None,
 ) -> None:
     """Print what can be fetched, and what is here."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.measured import databases
 
     if database is None:

@@ -44,38 +44,32 @@ def build(
         typer.Argument(
             metavar="MODEL",
             help="Model files, measured files, folders of either, or names of built-in materials. What is measured is "
-            "fitted: three lobes, by the logarithmic loss over all angles.",
+            "fitted with five lobes.",
             show_default=False,
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="SPACE", help="File to write.")] = DEFAULT,
-    raw: Annotated[
-        bool, typer.Option("--raw", help="Kappa and gamma as they are (the paper), not logarithms.")
-    ] = False,
     correspondence: Annotated[
         Correspondence,
         typer.Option(
             help="Lobes correspond from the flattest on, or from a border of diffuse and specular ones."
         ),
     ] = Correspondence.rank,
-    azimuthal: Annotated[
-        bool, typer.Option("--azimuthal", help="Take the azimuthal term into the space.")
-    ] = False,
     view: Annotated[
         Path | None,
         typer.Option("--view", metavar="FILE", help="Write a web page of the models, laid out in the space."),
     ] = None,
 ) -> None:
     """Build a space of materials."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.space import build_space
     from dsbrdf.view import view as write_page
 
     check_folder(out.parent)
     if out.suffix.lower() != ".npz":
         raise typer.BadParameter(f"a space is an .npz file, got {out}.", param_hint="'--out'")
-    opened = _open(models, out, context.obj, azimuthal)
-    made = build_space(opened, logarithmic=not raw, correspondence=correspondence.value, azimuthal=azimuthal)
+    opened = _open(models, out, context.obj)
+    made = build_space(opened, correspondence=correspondence.value)
     made.save(out)
     report.print_space(made, out)
     if view is not None:
@@ -90,13 +84,13 @@ def plot(
         "dsbrdf-space"
     ),
 ) -> None:
-    """Draw a map of the materials, their variance, the principal functions, and a blend."""
+    """Write figures: maps of materials and lobes, their variance, the principal functions, blends and draws."""
     if missing := missing_plots():
         raise ModuleNotFoundError(missing)
     check_folder(out)
     made = _load(path)
-    from dsbrdf.fitting import report
-    from dsbrdf.space import plot as figures
+    from dsbrdf.cli import _report as report
+    from dsbrdf.plot import space as figures
 
     with report.progress(len(figures.FIGURES)) as step:
         written = figures.write_all(made, out, step)
@@ -111,7 +105,7 @@ def nearest(
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 5,
 ) -> None:
     """Print the materials of a space that are nearest to a model."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
 
     made = _load(path)
     report.print_nearest(made.nearest(_material(made, model), n))
@@ -148,24 +142,24 @@ def move(
 
 
 @space.command()
-def sample(
+def draw(
     path: SpaceFile = DEFAULT,
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same materials.")] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the models.")] = Path(),
 ) -> None:
-    """Draw new materials; write sample-1.json and so on."""
+    """Draw new materials; write draw-1.json and so on."""
     import numpy as np
 
     check_folder(out)
-    for model in _load(path).sample(n, np.random.default_rng(seed)):
+    for model in _load(path).draw(n, np.random.default_rng(seed)):
         _write(model, out / f"{_stem(model.name)}.json")
 
 
-def _open(targets: list[str], out: Path, state: State, azimuthal: bool) -> list[DSBRDF]:
-    """Models, in the order given; what is measured is fitted in the way that is best for spaces (record 0011)."""
+def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
+    """Models, in the order given; what is measured is fitted in the way that is best for spaces."""
     from dsbrdf import batch
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.model import file as model_file
     from dsbrdf.space import FIT
     from dsbrdf.view import collect
@@ -174,9 +168,7 @@ def _open(targets: list[str], out: Path, state: State, azimuthal: bool) -> list[
     check_output(out, names)
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
-        outcomes = batch.fit_many(
-            measured, strict=True, begin=state.begin, step=step, **FIT, azimuthal=azimuthal
-        )
+        outcomes = batch.fit_many(measured, strict=True, begin=state.begin, step=step, **FIT)
     fitted = iter([outcome.model for outcome in outcomes if outcome.model is not None])
     opened = []
     for name in names:
