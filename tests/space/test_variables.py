@@ -36,12 +36,24 @@ def test_curves_of_more_coefficients_become_the_nearest():
 
 
 def test_dark_ends_do_not_bend_what_is_seen():
-    """A lobe of eight coefficients that falls off a cliff: what is above stays."""
-    scale = np.array([[-38.0, -30.0, -2.0, -1.0, -0.8, -0.6, -0.5, -0.5]])
+    """A lobe of eight coefficients that falls off a cliff: what is above stays, where plain least squares rings."""
+    scale = np.array([[-38.0, -38.0, -30.0, -6.0, -0.8, -0.6, -0.5, -0.5]])
     lobes = Lobes(scale, [[3.0]], [[0.0]], [[0.0]], np.zeros((3, 1, 1)))
-    back = VARIABLES.lobes(VARIABLES.of(lobes))
-    bright = np.deg2rad([0.0, 20.0, 40.0, 55.0])
-    np.testing.assert_allclose(np.log(back.at(bright).kappa), np.log(lobes.at(bright).kappa), atol=0.8)
+    plain = lobes.replace(scale=resized(scale, 6))
+    bright = np.deg2rad([0.0, 20.0, 40.0, 50.0])
+    wanted, got, rung = (
+        np.log(x.at(bright).kappa) for x in (lobes, VARIABLES.lobes(VARIABLES.of(lobes)), plain)
+    )
+    assert np.abs(got - wanted).max() < 0.2
+    assert np.abs(rung - wanted).max() > 0.4
+
+
+def test_colours_are_those_of_what_is_seen():
+    """Of a lobe that is dark toward grazing light, where its height has no colour."""
+    scale = np.array([[-14.0, -12.0, -9.0, -2.0, 0.0, 1.0]])
+    colour = np.array([[[0.9, 0.6]], [[0.0, 0.0]], [[-0.9, -0.6]]])
+    rows = VARIABLES.of(Lobes(scale, [[3.0]], [[0.0]], [[0.0]], colour))
+    np.testing.assert_allclose(VARIABLES.unknowns(rows)[14:].reshape(3, 2), colour[:, 0], atol=0.2)
 
 
 def test_any_rows_give_valid_lobes(rng):

@@ -37,8 +37,9 @@ LEAST_KAPPA, FLAT = 1e-5, 0.05
 ABSENT = 1e-7
 #: Angles theta_d of integrals over them.
 N_ANGLES = 720
-#: Dark parts of a lobe count so much, compared to bright ones, for its colour.
-LEAST_WEIGHT = 0.01
+#: Dark parts of a lobe count so much, compared to bright ones, where a curve is made one of fewer coefficients; and its
+#: logarithm is followed so far below that of `DARK`.
+LEAST_WEIGHT, DARKER = 0.01, 2.0
 
 
 class Sizes(NamedTuple):
@@ -158,7 +159,7 @@ class Variables:
         flat = shared.reshape(*rows.shape[:-2], -1)
         if self.n_channels == 1:
             return flat
-        seen = np.maximum((kappa / (kappa + DARK)).mean(-2), LEAST_WEIGHT)
+        seen = _seen(kappa.mean(-2))
         lines = np.moveaxis(_weighted(ln_kappa - scale[..., None, :], seen, self.sizes.colour), -2, -3)
         return np.concatenate([flat, lines.reshape(*rows.shape[:-2], -1)], axis=-1)
 
@@ -212,9 +213,26 @@ def _ln_kappa(lobes: Lobes, size: int) -> Array:
     given = lobes.scale.shape[1], lobes.colour.shape[2]
     if all(n == size or n <= min(size, 3) for n in given):
         return resized(lobes.scale, size) + resized(lobes.colour, size)
-    most = max(given)
+    x = _angles()
+    scale, colour = (
+        coefficients @ curve_design(x, n).T
+        for coefficients, n in zip((lobes.scale, lobes.colour), given, strict=True)
+    )
+    ln_kappa = scale + colour
     # Where a lobe is dark, its kappa must not bend the rest of the curve
-    return resized(np.maximum(resized(lobes.scale, most) + resized(lobes.colour, most), np.log(DARK)), size)
+    weight = np.sqrt(_seen(np.exp(np.minimum(ln_kappa, MAX_LN_KAPPA)).mean(0)))
+    design = curve_design(x, size)
+    curves = np.empty((*ln_kappa.shape[:2], size))
+    for k, w in enumerate(weight):
+        target = w * np.maximum(ln_kappa[:, k], np.log(DARK) - DARKER)
+        curves[:, k] = np.linalg.lstsq(w[:, None] * design, target.T)[0].T
+    return curves
+
+
+def _seen(kappa: Array) -> Array:
+    """Weights of parts of a lobe: next to nothing where it is dark."""
+    weight: Array = np.maximum(kappa / (kappa + DARK), LEAST_WEIGHT)
+    return weight
 
 
 def _weighted(curves: Array, weights: Array, size: int) -> Array:
