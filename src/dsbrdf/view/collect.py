@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dsbrdf import batch
+from dsbrdf.fitting import fit
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.fit_measured import fit
 from dsbrdf.view.page import view
 
 __all__ = ["PAGE", "expand", "open_model", "view_files"]

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.measured.profile import MeasuredProfile
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.lobes import SHARED
 
-__all__ = ["Packed", "pack"]
+__all__ = ["Packed", "pack", "rgb_channels"]
 
 #: Measured means are kept as logarithms in so many steps over so many decades; ROUNDING is the error relative to them.
 DECADES, STEPS = 6, 2**14
@@ -24,6 +25,9 @@ ROUNDING = 0.5 * DECADES * np.log(10.0) / STEPS
 RATIO_STEPS = 127
 #: Every theta_h of the measurement, or every second, ... or none, whichever comes first within the budget.
 THINNING = (1, 2, 3, 0)
+#: Wavelengths in nm that look red, green and blue, and what names of channels are wavelengths.
+RGB_NM = (610.0, 550.0, 460.0)
+VISIBLE = (380.0, 780.0)
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Packed:
     Parameters
     ----------
     materials : list of dict
-        One entry a material for the page's JSON: its name, shapes, errors and origin.
+        One entry a material for the page's JSON: its name, channels, sizes of curves, errors and origin.
     floats, words : str
         Base64 of deflated float32 and uint16, bytes sorted by significance.
     thinning : int
@@ -72,33 +76,43 @@ def _deflate(arrays: Sequence[NDArray[Any]], dtype: type) -> str:
 def _pack_material(
     model: DSBRDF, thinning: int, floats: list[NDArray[np.float32]], words: list[NDArray[np.uint16]]
 ) -> dict[str, Any]:
-    splines = model.curves
-    parts: tuple[Any, ...]
-    if splines is None:
-        parts = (model.theta_d, model.kappa, model.gamma, model.beta, model.spike)
-    else:
-        design = splines.basis.design(model.theta_d)
-        parts = (model.theta_d, design, splines.kappa, splines.gamma, splines.beta, splines.spike)
-    floats += [_single(values) for values in parts]
+    lobes = model.lobes.numpy
+    floats += [_single(part) for part in lobes.parts]
     entry: dict[str, Any] = {
         "name": model.name,
-        "shape": list(model.kappa.shape),
+        "channels": list(model.channels),
+        "rgb": rgb_channels(model.channels),
+        "lobes": model.n_lobes,
+        "sizes": {name: getattr(lobes, name).shape[-1] for name in (*SHARED, "colour")},
         "errors": {key: value for key, value in model.errors.items() if np.isfinite(value)},
         "source": model.source.to_json(),
         "fit": dict(model.fit_options),
     }
-    if splines is not None:
-        entry["splines"] = {"size": splines.basis.size, "logarithmic": splines.logarithmic}
     if thinning and model.profile is not None:
         entry["profile"] = _pack_profile(model.profile, thinning, floats, words)
     return entry
 
 
+def rgb_channels(names: Sequence[str]) -> list[int]:
+    """Which channels are shown as red, green and blue.
+
+    Those three, where there are three; of wavelengths in nm those nearest to what looks so; else the last, the middle and
+    the first one.
+    """
+    n = len(names)
+    if n == len(RGB_NM):
+        return list(range(n))
+    try:
+        wavelengths = np.array([float(name.removesuffix("nm")) for name in names])
+    except ValueError:
+        wavelengths = np.zeros(0)
+    if n > 1 and wavelengths.size and VISIBLE[0] < wavelengths.mean() < VISIBLE[1]:
+        return [int(np.abs(wavelengths - nm).argmin()) for nm in RGB_NM]
+    return [n - 1, (n - 1) // 2, 0]
+
+
 def _single(values: Any) -> NDArray[np.float32]:
-    """Single precision; what is too small for it is kept above zero, as a kappa must be."""
-    array = np.asarray(values, dtype=np.float64)
-    tiny = float(np.finfo(np.float32).tiny)
-    return np.where((array > 0.0) & (array < tiny), tiny, array).astype(np.float32).ravel()
+    return np.asarray(values, dtype=np.float32).ravel()
 
 
 def _pack_profile(

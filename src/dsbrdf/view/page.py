@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from dsbrdf import _files, shader
 from dsbrdf.geometry import half_diff
+from dsbrdf.model import components, evaluation, lobes, sampling, sphere
 from dsbrdf.model import file as model_file
-from dsbrdf.model import sphere
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper import curves, metrics, spike
+from dsbrdf.space import variables
 from dsbrdf.view import data, layout
 from dsbrdf.view.script import bundle
 
 if TYPE_CHECKING:
     from dsbrdf.space import MaterialSpace
 
-__all__ = ["frame", "page", "view"]
+__all__ = ["constants", "frame", "page", "view"]
 
 #: A page of a hundred materials is to stay below; what was measured gives way.
 MAX_BYTES = 1_000_000
@@ -104,19 +104,34 @@ def _meta(packed: data.Packed, description: str | None) -> dict[str, Any]:
     return {
         "materials": packed.materials,
         "space": None if description is None else {"description": description},
-        "constants": {
-            "azimuthalWidth": half_diff.AZIMUTHAL_WIDTH,
-            "spikeSin2Width": spike.SIN2_WIDTH,
-            "logOffset": metrics.LOG_OFFSET,
-            "lnKappa": curves.LN_KAPPA,
-            "lnGamma": curves.LN_GAMMA,
-        },
+        "constants": constants(),
         "quantised": {"decades": data.DECADES, "steps": data.STEPS, "ratioSteps": data.RATIO_STEPS},
         "lights": sphere.LIGHTS,
         "file": {
             "format": model_file.FORMAT,
             "schema": model_file.SCHEMA,
             model_file.WIDTH: half_diff.AZIMUTHAL_WIDTH,
+        },
+    }
+
+
+def constants() -> dict[str, Any]:
+    """What the scripts need of the package's constants."""
+    return {
+        "azimuthalWidth": half_diff.AZIMUTHAL_WIDTH,
+        "maxLnKappa": lobes.MAX_LN_KAPPA,
+        "maxFactor": evaluation.MAX_FACTOR,
+        "dark": variables.DARK,
+        "heights": variables.HEIGHT,
+        "nRows": sampling.N_ROWS,
+        "minCosineShare": sampling.MIN_COSINE_SHARE,
+        "powers": sampling.POWERS.tolist(),
+        "emSteps": sampling.EM_STEPS,
+        "emPower": sampling.EM_POWER,
+        "widths": {
+            "spike": components.SPIKE_WIDTH,
+            "specular": components.SPECULAR_WIDTH,
+            "glossy": components.BODY_WIDTH,
         },
     }
 

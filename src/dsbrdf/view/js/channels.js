@@ -1,18 +1,21 @@
 // Names and colours of channels, colours and dashes of lobes; the same in every plot.
 
-import { drawn, markerPath, MARKERS } from "./plot.js";
+import { drawn, squarePath } from "./plot.js";
 
 const DASHES = ["7 4", "9 3 2 3", "2 3", "10 3 2 3 2 3", "4 4", "1 4"];
 const LOBE_COUNT = 6;
 
-export function channelNames(model) {
-  return model.nChannels === 3
-    ? ["red", "green", "blue"]
-    : Array.from({ length: model.nChannels }, (_, i) => `channel ${i}`);
+const WORDS = { r: "red", g: "green", b: "blue" };
+/** More channels than this are shown by a few of them. */
+const MOST_SHOWN = 7;
+
+export function channelNames({ channels }) {
+  return channels.map((name) => (channels.length === 3 ? (WORDS[name] ?? name) : name));
 }
 
 export function channelColour(model, channel) {
-  if (model.nChannels === 3) return `var(--${channelNames(model)[channel]})`;
+  const name = channelNames(model)[channel];
+  if (model.nChannels === 3 && Object.values(WORDS).includes(name)) return `var(--${name})`;
   if (model.nChannels === 1) return "var(--ink)";
   const hue = 260 - (220 * channel) / (model.nChannels - 1);
   return `light-dark(hsl(${hue} 55% 42%), hsl(${hue} 55% 68%))`;
@@ -20,11 +23,12 @@ export function channelColour(model, channel) {
 
 export const lobeColour = (lobe) => `var(--lobe-${lobe % LOBE_COUNT})`;
 export const lobeDash = (lobe) => DASHES[lobe % LOBE_COUNT];
-export const lobeMarker = (lobe) => MARKERS[lobe % LOBE_COUNT];
 
-/** The channels that are shown: the chosen one, or all. */
-export function shownChannels(model, channel) {
-  return channel === null ? [...Array(model.nChannels).keys()] : [channel];
+/** The channels that are shown: the chosen one, or all, or a few of many. */
+export function shownChannels({ nChannels }, channel) {
+  if (channel !== null) return [channel];
+  const n = Math.min(nChannels, MOST_SHOWN);
+  return Array.from({ length: n }, (_, i) => Math.round((i * (nChannels - 1)) / Math.max(n - 1, 1)));
 }
 
 /** A short piece of a line, for legends. */
@@ -42,6 +46,6 @@ export function lineSample(stroke, { dash = "none", width = 2 } = {}) {
 
 /** A measured point, for legends. */
 export function pointSample(stroke) {
-  const point = drawn("path", { d: markerPath("square", 13, 5, 3), class: "measured", stroke });
+  const point = drawn("path", { d: squarePath(13, 5, 3), class: "measured", stroke });
   return drawn("svg", { class: "sample", "aria-hidden": "true" }, point);
 }

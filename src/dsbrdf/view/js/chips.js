@@ -1,8 +1,8 @@
-// Small pictures of materials: two distant lights, those of dsbrdf.sphere, in a bright room.
+// Small pictures of materials: two distant lights, those of dsbrdf.model.sphere, in a bright room.
 
 import { albedo } from "./albedo.js";
-import { meta } from "./data.js";
-import { evaluate } from "./material.js";
+import { asRgb, evaluate } from "./material.js";
+import { meta } from "./meta.js";
 
 const length = (vector) => Math.hypot(...vector);
 const unit = (vector) => vector.map((component) => component / length(vector));
@@ -60,10 +60,9 @@ export function drawChip(canvas, model, size) {
     if (z2 <= 0) continue;
     radiance.set(room);
     LIGHTS.forEach((light, j) => addLight(radiance, [x, y, Math.sqrt(z2)], tables[j], light));
-    for (let c = 0; c < 3; c++) {
-      const value = radiance[model.nChannels >= 3 ? c : 0];
+    asRgb(model, radiance).forEach((value, c) => {
       image.data[4 * i + c] = 255 * Math.min(1, LIT * Math.PI * value) ** (1 / 2.2);
-    }
+    });
     image.data[4 * i + 3] = 255;
   }
   canvas.getContext("2d").putImageData(image, 0, 0);

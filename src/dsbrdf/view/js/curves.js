@@ -25,6 +25,8 @@ import { baseModel, currentModel, setState, state, subscribe } from "./state.js"
 
 const TICKS = [-90, -60, -30, -10, 0, 10, 30, 60, 90];
 const N_POINTS = 160;
+/** theta_h in degrees above which values do not set the scale: some lobes rise without end toward the horizon. */
+const STEEP = 88;
 // Denser at the pole, where peaks are
 const THETA_H = Array.from({ length: N_POINTS + 1 }, (_, i) => (Math.PI / 2) * (i / N_POINTS) ** 2);
 
@@ -58,7 +60,8 @@ export function measuredPlane(profile, thetaD) {
   const at = (i, sign) =>
     Array.from({ length: nChannels }, (_, channel) => {
       const cell = (slice * nChannels + channel) * nThetaH + i;
-      return mean[cell] + sign * amplitude[cell];
+      const isSeen = sign < 0 || thetaH[i] + profile.thetaD[slice] < Math.PI / 2;
+      return isSeen ? mean[cell] + sign * amplitude[cell] : NaN;
     });
   const angles = [...thetaH.map((angle) => -degrees(angle)).reverse(), ...thetaH.map(degrees)];
   const values = [...thetaH.map((_, i) => at(i, -1)).reverse(), ...thetaH.map((_, i) => at(i, 1))];
@@ -66,7 +69,8 @@ export function measuredPlane(profile, thetaD) {
 }
 
 function verticalScale(curves, measured, other) {
-  const numbers = (plane) => plane?.values.flatMap((point) => [...point]).filter((value) => value > 0) ?? [];
+  const numbers = ({ angles, values }) =>
+    values.flatMap((point, i) => (Math.abs(angles[i]) < STEEP ? [...point] : [])).filter((value) => value > 0);
   const fitted = numbers(curves);
   const seen = measured ? [...numbers(measured), Math.max(...fitted)] : fitted;
   if (other) seen.push(Math.max(...numbers(other)));
@@ -132,7 +136,6 @@ function drawCurves() {
     yTitle: "BRDF (1/sr)",
     label: curvesLabel(model, curves, channels),
   });
-  shadeUnfitted(model);
   if (measured) {
     for (const channel of channels) {
       const values = measured.values.map((point) => point[channel]);
@@ -158,13 +161,6 @@ function drawCurves() {
   drawLegend(model, channels, measured, second);
 }
 
-function shadeUnfitted(model) {
-  const { min_theta_h: low, perimeter_mask: masked } = model.fit ?? {};
-  if (low) plot.band(-degrees(low), degrees(low));
-  const limit = 90 - state.thetaD;
-  if (masked) for (const side of [-1, 1]) plot.band(side * limit, side * 90);
-}
-
 function showControls(measured) {
   const slider = document.getElementById("theta-d");
   slider.valueAsNumber = state.thetaD;
@@ -173,7 +169,7 @@ function showControls(measured) {
   document.querySelector(`input[name=scale][value=${state.log ? "log" : "linear"}]`).checked = true;
   const note = document.getElementById("curves-note");
   const text = measured
-    ? `Squares: measured at θ_d = ${formatNumber(degrees(measured.thetaD))}°. Shaded: not fitted.`
+    ? `Squares: measured at θ_d = ${formatNumber(degrees(measured.thetaD))}°, the mean over φ_d ± the amplitude of cos 2φ_d.`
     : "This model carries no summary of what was measured.";
   const lobes =
     state.channel === null && baseModel().nChannels > 1

@@ -1,6 +1,7 @@
 // The materials that the page carries: numbers as deflated bytes in base64, names and errors as JSON.
 
-export const meta = JSON.parse(document.getElementById("meta").textContent);
+import { SHARED } from "./material.js";
+import { meta } from "./meta.js";
 
 async function inflate(id) {
   const text = atob(document.getElementById(id).textContent.trim());
@@ -56,45 +57,13 @@ function readProfile(entry, nChannels, floats, words) {
   return { thetaD, thetaH, nSlices, nThetaH, nChannels, thetaHRows: nRows, mean, amplitude };
 }
 
-/** kappa, gamma, beta and spike of splines over theta_d: the values of their functions times coefficients. */
-function readSplines({ size, logarithmic }, [nSlices, nChannels, nLobes], floats) {
-  const design = floats.take(nSlices * size);
-  const tabulated = (width, clip) => {
-    const coefficients = floats.take(width * size);
-    return Float32Array.from({ length: nSlices * width }, (_, i) => {
-      const [slice, curve] = [Math.floor(i / width), i % width];
-      let sum = 0;
-      for (let j = 0; j < size; j++) sum += design[slice * size + j] * coefficients[curve * size + j];
-      return clip(sum);
-    });
-  };
-  const { lnKappa, lnGamma } = meta.constants;
-  const clamp = (value, [low, high]) => Math.min(Math.max(value, low), high);
-  const positive =
-    ([low, high], least) =>
-    (value) =>
-      logarithmic ? Math.exp(clamp(value, [low, high])) : clamp(value, [least, Math.exp(high)]);
-  return {
-    kappa: tabulated(nChannels * nLobes, positive(lnKappa, Math.exp(lnKappa[0]))),
-    gamma: tabulated(nChannels * nLobes, positive(lnGamma, 0)),
-    beta: tabulated(nChannels * nLobes, (value) => clamp(value, [-1, 1])),
-    spike: tabulated(nChannels, (value) => Math.max(value, 0)),
-  };
-}
-
-function readSlices([nSlices, nChannels, nLobes], floats) {
-  const count = nSlices * nChannels * nLobes;
-  const [kappa, gamma, beta] = [floats.take(count), floats.take(count), floats.take(count)];
-  return { kappa, gamma, beta, spike: floats.take(nSlices * nChannels) };
-}
-
 function readMaterial(entry, floats, words) {
-  const { shape, splines } = entry;
-  const [nSlices, nChannels, nLobes] = shape;
-  const thetaD = floats.take(nSlices);
-  const parameters = splines ? readSplines(splines, shape, floats) : readSlices(shape, floats);
+  const { lobes: nLobes, channels, sizes } = entry;
+  const nChannels = channels.length;
+  const shared = SHARED.map((key) => [key, floats.take(nLobes * sizes[key])]);
+  const colour = floats.take(nChannels * nLobes * sizes.colour);
   const profile = entry.profile ? readProfile(entry.profile, nChannels, floats, words) : null;
-  return { ...entry, nSlices, nChannels, nLobes, thetaD, ...parameters, profile };
+  return { ...entry, nLobes, nChannels, ...Object.fromEntries(shared), colour, profile };
 }
 
 const floatReader = new Reader(new Float32Array(interleave(await inflate("floats"), 4)));

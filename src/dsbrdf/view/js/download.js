@@ -1,7 +1,7 @@
 // Copying the parameters, and downloads: the edited model in the format of dsbrdf.model.file, and its GLSL.
 
-import { meta } from "./data.js";
-import { isEdited, withLobes } from "./material.js";
+import { isEdited, SHARED, withLobes } from "./material.js";
+import { meta } from "./meta.js";
 import { baseModel, currentModel, state } from "./state.js";
 
 /** Single precision, in the fewest digits that tell it. */
@@ -19,7 +19,7 @@ function nested(values, ...shape) {
 function shownModel() {
   const base = baseModel();
   const kept = state.edits.flatMap(({ on }, k) => (on ? [k] : []));
-  const edited = isEdited(state.edits, state.spikeOn);
+  const edited = isEdited(state.edits);
   return { ...withLobes(currentModel(), kept), name: edited ? `${base.name} edited` : base.name, edited };
 }
 
@@ -27,16 +27,14 @@ function shownModel() {
 export function modelFile() {
   const { source, fit, errors } = baseModel();
   const model = shownModel();
-  const { nSlices, nChannels } = model;
-  const lobes = Object.fromEntries(
-    ["kappa", "gamma", "beta"].map((key) => [key, nested(model[key], nSlices, nChannels)]),
-  );
+  const { nChannels, nLobes, channels } = model;
+  const lobes = Object.fromEntries(SHARED.map((key) => [key, nested(model[key], nLobes)]));
+  lobes.colour = nested(model.colour, nChannels, nLobes);
   return {
     ...meta.file,
     name: model.name,
-    theta_d: nested(model.thetaD),
-    ...lobes,
-    spike: nested(model.spike, nSlices),
+    channels,
+    lobes,
     source: source ?? {},
     fit: fit ?? {},
     errors: model.edited ? {} : (errors ?? {}),

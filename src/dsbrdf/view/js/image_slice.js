@@ -1,6 +1,6 @@
 // The theta_h x theta_d image slice: measured, fitted and their difference.
 
-import { degrees, evaluate } from "./material.js";
+import { asRgb, degrees, meanOverPhi } from "./material.js";
 import { formatNumber, withSubscripts } from "./plot.js";
 import { altersModel, baseModel, currentModel, setState, state, subscribe } from "./state.js";
 
@@ -8,7 +8,7 @@ const SIZE = 90;
 const RIGHT = Math.PI / 2;
 /** Relative difference at which the scale of colours ends. */
 const FULL_DIFFERENCE = 0.2;
-/** Opacity of what is not fitted; the background of the panel shows through. */
+/** Opacity of what was not measured; the background of the panel shows through. */
 const VEILED = 0.3;
 const BLUE = [33, 102, 172];
 const RED = [178, 24, 43];
@@ -68,9 +68,8 @@ function nearest(nodes, offset, count, angle) {
 }
 
 /** sRGB of a reflectance, a perfect diffuser being white at exposure 0. */
-function displayColour(values) {
-  const rgb = values.length >= 3 ? [...values].slice(0, 3) : [values[0], values[0], values[0]];
-  return rgb.map(
+function displayColour(model, values) {
+  return asRgb(model, values).map(
     (value) => 255 * Math.min(1, Math.max(0, Math.PI * value * 2 ** state.exposure)) ** (1 / 2.2),
   );
 }
@@ -100,12 +99,12 @@ function drawSlices() {
       const put = (kind, colour, opacity = 1) =>
         images[kind].data.set([...colour, 255 * opacity], 4 * (row * SIZE + column));
       const measured = profile && measuredAt(profile, thetaH, thetaD);
-      put("fitted", displayColour(evaluate(model, thetaH, thetaD)), profile && !measured ? VEILED : 1);
+      put("fitted", displayColour(model, meanOverPhi(model, thetaH, thetaD)), profile && !measured ? VEILED : 1);
       if (!measured) continue;
-      put("measured", displayColour(measured.values));
+      put("measured", displayColour(model, measured.values));
       const { cell } = measured;
       if (!differences.has(cell)) {
-        const fitted = evaluate(model, measured.thetaH, measured.thetaD);
+        const fitted = meanOverPhi(model, measured.thetaH, measured.thetaD);
         differences.set(cell, differenceColour(measured.values, fitted));
       }
       put("difference", differences.get(cell));
@@ -116,16 +115,17 @@ function drawSlices() {
     canvas.closest("figure").hidden = kind !== "fitted" && !profile;
   }
   const caption = figures.fitted.closest("figure").querySelector("figcaption");
-  caption.textContent = profile ? "Fitted. Veiled: not fitted." : "Model";
+  caption.textContent = profile ? "Fitted. Veiled: not measured." : "Model";
 }
 
 function showCell(kind, event) {
   const { thetaH, thetaD } = cellAngles(figures[kind], event);
   const { profile } = baseModel();
   const measured = profile && measuredAt(profile, thetaH, thetaD);
-  const format = (values) => [...values].map((value) => formatNumber(value)).join(", ");
+  const model = currentModel();
+  const format = (values) => asRgb(model, values).map((value) => formatNumber(value)).join(", ");
   const parts = [`θ_h ${formatNumber(degrees(thetaH))}°, θ_d ${formatNumber(degrees(thetaD))}°`];
   if (measured) parts.push(`measured ${format(measured.values)}`);
-  parts.push(`${profile ? "fitted" : "model"} ${format(evaluate(currentModel(), thetaH, thetaD))} /sr`);
+  parts.push(`${profile ? "fitted" : "model"} ${format(meanOverPhi(model, thetaH, thetaD))} /sr`);
   readout.replaceChildren(...withSubscripts(parts.join(" · ")));
 }

@@ -1,9 +1,10 @@
 // The table of lobes: on and off, solo, and sliders that scale kappa and gamma.
 
 import { lineSample, lobeColour, lobeDash } from "./channels.js";
-import { isEdited, noEdit, radians, locate } from "./material.js";
+import { components } from "./components.js";
+import { degrees, isEdited, noEdit, parametersAt, radians } from "./material.js";
 import { formatNumber, html } from "./plot.js";
-import { baseModel, editLobe, setState, state, subscribe } from "./state.js";
+import { altersModel, baseModel, currentModel, editLobe, setState, state, subscribe } from "./state.js";
 
 /** Sliders go from 1/FACTOR to FACTOR. */
 const FACTORS = { kappa: 2, gamma: 10 };
@@ -16,18 +17,17 @@ export function startLobes() {
   subscribe((changed) => {
     if (rows.length !== baseModel().nLobes || changed.has("material")) buildRows();
     showRows();
+    if (altersModel(changed)) showComponents();
   });
 }
 
 function resetLobes() {
-  setState({ edits: state.edits.map(noEdit), spikeOn: true });
+  setState({ edits: state.edits.map(noEdit) });
 }
 
 function buildRows() {
-  const model = baseModel();
   rows = state.edits.map((_, lobe) => lobeRow(lobe));
-  const hasSpike = model.spike.some((height) => height > 0);
-  table.replaceChildren(...rows.map((row) => row.node), ...(hasSpike ? [spikeRow()] : []));
+  table.replaceChildren(...rows.map((row) => row.node));
 }
 
 function lobeRow(lobe) {
@@ -50,9 +50,10 @@ function lobeRow(lobe) {
   );
   solo.setAttribute("aria-label", `Solo lobe ${lobe}`);
   const sliders = Object.keys(FACTORS).map((key) => factorSlider(lobe, key));
-  const node = html("li", { className: "lobe-row" }, name, solo);
+  const about = html("p", { className: "note about" });
+  const node = html("li", { className: "lobe-row" }, name, solo, about);
   node.append(html("div", { className: "factors" }, ...sliders.map((slider) => slider.node)));
-  return { node, on, solo, sliders };
+  return { node, on, solo, sliders, about };
 }
 
 function factorSlider(lobe, key) {
@@ -68,26 +69,10 @@ function factorSlider(lobe, key) {
   return { key, range, output, node: html("div", { className: "factor" }, label, range, output) };
 }
 
-function spikeRow() {
-  const on = html("input", {
-    type: "checkbox",
-    id: "spike",
-    onchange: () => setState({ spikeOn: on.checked }),
-  });
-  on.checked = state.spikeOn;
-  const label = html("label", { for: "spike", className: "lobe-name" }, on, "Spike");
-  return html(
-    "li",
-    { className: "lobe-row" },
-    label,
-    html("span", { className: "note" }, "light within 1° of the mirror direction"),
-  );
-}
-
 /** This lobe alone; all of them, where it is alone already. */
 function toggleSolo(lobe) {
   const alone = isSolo(lobe);
-  setState({ edits: state.edits.map((edit, k) => ({ ...edit, on: alone || k === lobe })), spikeOn: alone });
+  setState({ edits: state.edits.map((edit, k) => ({ ...edit, on: alone || k === lobe })) });
 }
 
 const isSolo = (lobe) => state.edits.length > 1 && state.edits.every((edit, k) => edit.on === (k === lobe));
@@ -105,24 +90,27 @@ function showRows() {
       output.textContent = `×${edit[key].toFixed(2)}`;
     }
   });
-  const spike = document.getElementById("spike");
-  if (spike) spike.checked = state.spikeOn;
-  document.getElementById("reset").disabled = !isEdited(state.edits, state.spikeOn);
+  document.getElementById("reset").disabled = !isEdited(state.edits);
   showNumbers();
 }
 
-/** Kappa and gamma at the theta_d on show, mean of channels, in the titles of the sliders. */
+/** What each lobe is, its share of the light, and how wide it is. */
+function showComponents() {
+  components(currentModel()).forEach(({ share, width, label }, lobe) => {
+    const parts = [label, `${(100 * share).toFixed(1)} % of the light`, `half width ${formatNumber(degrees(width), 2)}°`];
+    rows[lobe].about.textContent = state.edits[lobe].on ? parts.join(" · ") : "off";
+  });
+}
+
+/** Kappa of each channel and gamma at the theta_d on show, in the titles of the sliders. */
 function showNumbers() {
-  const model = baseModel();
-  const { low, high, weight } = locate(model.thetaD, radians(state.thetaD));
-  const slice = weight < 0.5 ? low : high;
+  const model = currentModel();
+  const { lnKappa, gamma } = parametersAt(model, Math.cos(radians(state.thetaD)));
   rows.forEach(({ sliders }, lobe) => {
+    const kappas = Array.from({ length: model.nChannels }, (_, c) => Math.exp(lnKappa[c * model.nLobes + lobe]));
+    const values = { kappa: kappas, gamma: [gamma[lobe]] };
     for (const { key, range } of sliders) {
-      const values = Array.from(
-        { length: model.nChannels },
-        (_, c) => model[key][(slice * model.nChannels + c) * model.nLobes + lobe],
-      );
-      range.title = `${SYMBOLS[key]} here: ${values.map((value) => formatNumber(value * state.edits[lobe][key])).join(", ")}`;
+      range.title = `${SYMBOLS[key]} here: ${values[key].map((value) => formatNumber(value)).join(", ")}`;
     }
   });
 }

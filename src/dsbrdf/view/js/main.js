@@ -3,19 +3,22 @@
 import { albedo, startAlbedo } from "./albedo.js";
 import { bakedGlsl } from "./baked_glsl.js";
 import { channelNames } from "./channels.js";
+import { components } from "./components.js";
 import { startCurves } from "./curves.js";
-import { indexOfMaterial, materials, meta } from "./data.js";
+import { indexOfMaterial, materials } from "./data.js";
 import { startDownloads } from "./download.js";
 import { startImageSlice } from "./image_slice.js";
 import { startLobes } from "./lobes.js";
 import { startMap } from "./map.js";
 import { startParameters } from "./parameters.js";
-import { evaluate } from "./material.js";
+import { evaluate, meanOverPhi, SHARED } from "./material.js";
+import { meta } from "./meta.js";
 import { formatNumber, html } from "./plot.js";
-import { startSelection } from "./selection.js";
 import { startSphere } from "./sphere_panel.js";
 import { baseModel, currentModel, readFragment, setState, state, subscribe } from "./state.js";
 
+/** More channels than this are in a list. */
+const MOST_BUTTONS = 4;
 const materialSelect = document.getElementById("material");
 const channels = document.getElementById("channels");
 
@@ -35,12 +38,12 @@ function showHeader(changed) {
   const count = (number, word) => `${number} ${word}${number === 1 ? "" : "s"}`;
   const facts = [
     count(model.nLobes, "lobe"),
-    count(model.nSlices, "slice"),
+    count(numbersOf(model), "number"),
     count(model.nChannels, "channel"),
   ];
-  const { rel_rms: error, monotone_floor: floor } = model.errors ?? {};
-  if (Number.isFinite(error)) facts.push(`relative RMS error ${formatNumber(100 * error)} %`);
-  if (Number.isFinite(floor)) facts.push(`monotone floor ${formatNumber(100 * floor)} %`);
+  for (const [key, value] of Object.entries(model.errors ?? {})) {
+    facts.push(`${key.replaceAll("_", " ")} ${formatNumber(value, 2)}`);
+  }
   if (model !== materials[state.material]) facts.unshift(model.name);
   document.getElementById("facts").textContent = facts.join(" · ");
   const { file, description } = model.source ?? {};
@@ -48,7 +51,14 @@ function showHeader(changed) {
   if (changed.has("material") || changed.has("channel")) showChannels(model);
 }
 
+/** How many numbers describe the reflectance; what all channels share of a colour is part of the scale. */
+function numbersOf({ nLobes, nChannels, sizes }) {
+  const shared = SHARED.reduce((sum, key) => sum + sizes[key], 0);
+  return nLobes * (shared + (nChannels - 1) * sizes.colour);
+}
+
 function showChannels(model) {
+  if (model.nChannels > MOST_BUTTONS) return showChannelList(model);
   const choice = (value, label) => {
     const radio = html("input", { type: "radio", name: "channel", checked: state.channel === value });
     radio.addEventListener("change", () => setState({ channel: value }));
@@ -65,6 +75,21 @@ function showChannels(model) {
   if (focused) channels.querySelector(":checked").focus();
 }
 
+/** A list, where buttons would be too many. */
+function showChannelList(model) {
+  const names = ["All", ...channelNames(model)];
+  const options = names.map((name, i) => html("option", { value: i - 1 }, name));
+  const select = html("select", { className: "small", "aria-label": "Channel" }, ...options);
+  select.value = state.channel ?? -1;
+  select.addEventListener("change", () =>
+    setState({ channel: Number(select.value) < 0 ? null : Number(select.value) }),
+  );
+  const focused = channels.contains(document.activeElement);
+  channels.replaceChildren(channels.firstElementChild, select);
+  channels.hidden = false;
+  if (focused) select.focus();
+}
+
 function switchTheme() {
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
   const { dataset } = document.documentElement;
@@ -77,7 +102,6 @@ startCurves(() => materials[state.second]);
 startImageSlice();
 startParameters();
 startAlbedo();
-startSelection();
 const shaders = JSON.parse(document.getElementById("shaders").textContent);
 startDownloads((model) => bakedGlsl(model, shaders));
 const sphere = startSphere(shaders);
@@ -87,4 +111,4 @@ readFragment();
 addEventListener("hashchange", readFragment);
 
 /** For the console, and for tests. */
-window.dsbrdf = { meta, materials, state, setState, sphere, evaluate, albedo, currentModel };
+window.dsbrdf = { meta, materials, state, setState, sphere, evaluate, meanOverPhi, albedo, components, currentModel };

@@ -1,7 +1,8 @@
 // The materials as small spheres, laid out by likeness; click opens one, shift-click a second to compare or blend with.
 
 import { drawChip } from "./chips.js";
-import { materials, meta } from "./data.js";
+import { materials } from "./data.js";
+import { meta } from "./meta.js";
 import { formatNumber, html } from "./plot.js";
 import { canBlend, chooseSecond, setState, state, subscribe } from "./state.js";
 
@@ -9,6 +10,8 @@ import { canBlend, chooseSecond, setState, state, subscribe } from "./state.js";
 const CHIP = 44;
 /** Milliseconds of drawing before the page may answer. */
 const PATIENCE = 30;
+/** Errors that are told of a material. */
+const SHOWN_ERRORS = 3;
 /** More materials than this are shown smaller. */
 const MANY = 40;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -101,9 +104,10 @@ function neighbour(from, [dx, dy]) {
 }
 
 function showDetails(material) {
-  const { rel_rms: error } = material.errors ?? {};
   const facts = [`${material.nLobes} ${material.nLobes === 1 ? "lobe" : "lobes"}`];
-  if (Number.isFinite(error)) facts.push(`relative RMS error ${formatNumber(100 * error)} %`);
+  for (const [key, value] of Object.entries(material.errors).slice(0, SHOWN_ERRORS)) {
+    facts.push(`${key} ${formatNumber(value, 2)}`);
+  }
   if (material.scores)
     facts.push(`scores ${material.scores.map((score) => formatNumber(score, 2)).join(", ")}`);
   details.replaceChildren(html("strong", {}, material.name), ` ${facts.join(", ")}`);

@@ -1,8 +1,20 @@
-// Evaluation of a model in JavaScript, as dsbrdf.evaluation does it, and models made from others.
+// Evaluation of a model in JavaScript, as dsbrdf.model.evaluation does it, and models made from others.
+//
+// A model: {name, channels: names, nChannels, nLobes, rgb: which three channels are red, green and blue,
+//   sizes: {scale, gamma, beta, falloff, colour}: coefficients of a curve; and by the same names Float32Array
+//   (lobe, coefficient), colour (channel, lobe, coefficient)}.
+// ln(kappa) is the sum of the curves scale and colour, ln(gamma) is the curve gamma.
 
-import { meta } from "./data.js";
+import { curvesAt, resized } from "./curve.js";
+import { meta } from "./meta.js";
 
-const { azimuthalWidth, spikeSin2Width, logOffset } = meta.constants;
+const { azimuthalWidth, maxLnKappa, maxFactor, dark, heights } = meta.constants;
+
+export const SHARED = ["scale", "gamma", "beta", "falloff"];
+/** The scale of a lobe that is off. */
+const OFF = -1e3;
+/** Azimuths of a mean over phi_d. */
+const N_PHI = 8;
 
 export const radians = (degrees) => (degrees * Math.PI) / 180;
 export const degrees = (angle) => (angle * 180) / Math.PI;
@@ -12,158 +24,175 @@ export function logCos(thetaH) {
   return 0.5 * Math.log1p(-Math.min(Math.sin(thetaH) ** 2, 1 - 2 ** -53));
 }
 
-/** Factor g of the azimuthal term `1 + beta g cos(2 phi_d)`. */
+/** Factor g of the azimuthal term `exp(beta g cos(2 phi_d))`. */
 export function azimuthalFactor(thetaH, thetaD) {
   const p = Math.sin(thetaH) * Math.sin(thetaD);
   const length = Math.hypot(p, azimuthalWidth * Math.cos(thetaH) * Math.cos(thetaD));
   return length > 0 ? p / length : 0;
 }
 
-/** Slices at or below and above an angle, and the weight of the upper one. */
-export function locate(nodes, angle) {
-  if (nodes.length === 1 || angle <= nodes[0]) return { low: 0, high: 0, weight: 0 };
-  const last = nodes.length - 1;
-  if (angle >= nodes[last]) return { low: last, high: last, weight: 0 };
-  let low = 0;
-  while (nodes[low + 1] <= angle) low++;
-  return { low, high: low + 1, weight: (angle - nodes[low]) / (nodes[low + 1] - nodes[low]) };
+let latest = { model: null };
+
+/** lnKappa (channel, lobe), and gamma, beta and falloff (lobe) at x = cos(theta_d). */
+export function parametersAt(model, x) {
+  if (latest.model === model && latest.x === x) return latest;
+  const { nLobes, sizes } = model;
+  const [scale, gamma, beta, falloff] = SHARED.map((key) => curvesAt(model[key], sizes[key], x));
+  const lnKappa = curvesAt(model.colour, sizes.colour, x);
+  for (let i = 0; i < lnKappa.length; i++) lnKappa[i] += scale[i % nLobes];
+  for (let k = 0; k < nLobes; k++) gamma[k] = Math.exp(gamma[k]);
+  latest = { model, x, lnKappa, gamma, beta, falloff };
+  return latest;
 }
 
-function addSlice(values, weight, model, slice, point, lobe) {
-  const { nChannels, nLobes, kappa, gamma, beta, spike } = model;
-  for (let channel = 0; channel < nChannels; channel++) {
-    const row = (slice * nChannels + channel) * nLobes;
-    let sum = lobe === null ? spike[slice * nChannels + channel] * point.cap : 0;
-    for (let k = lobe ?? 0; k <= (lobe ?? nLobes - 1); k++) {
-      const height = Math.expm1(kappa[row + k] * Math.exp(gamma[row + k] * point.logCos));
-      sum += height * (1 + beta[row + k] * point.azimuth);
+/** Sum of lobes, of which `stretch` gives the azimuthal term of a beta; of one lobe, or of all. */
+export function sumOfLobes(model, x, logCosH, stretch, lobe = null) {
+  const { nChannels, nLobes } = model;
+  const { lnKappa, gamma, beta, falloff } = parametersAt(model, x);
+  const values = new Float64Array(nChannels);
+  for (let k = lobe ?? 0; k <= (lobe ?? nLobes - 1); k++) {
+    const factor = Math.exp(Math.min(falloff[k] * logCosH, maxFactor)) * stretch(beta[k]);
+    const power = gamma[k] * logCosH;
+    for (let channel = 0; channel < nChannels; channel++) {
+      const kappa = Math.exp(Math.min(lnKappa[channel * nLobes + k] + power, maxLnKappa));
+      values[channel] += Math.expm1(kappa) * factor;
     }
-    values[channel] += weight * sum;
   }
-}
-
-/**
- * Values of each channel in 1/sr at angles in radians; of one lobe, or of all and the spike.
- * cos2Phi is cos(2 phi_d); 0 gives the mean over phi_d.
- */
-export function evaluate(model, thetaH, thetaD, cos2Phi = 0, lobe = null) {
-  const { low, high, weight } = locate(model.thetaD, thetaD);
-  const point = {
-    logCos: logCos(thetaH),
-    azimuth: cos2Phi && cos2Phi * azimuthalFactor(thetaH, thetaD),
-    cap: Math.max(0, 1 - Math.sin(thetaH) ** 2 / spikeSin2Width),
-  };
-  const values = new Float64Array(model.nChannels);
-  addSlice(values, 1 - weight, model, low, point, lobe);
-  if (weight > 0) addSlice(values, weight, model, high, point, lobe);
   return values;
 }
 
+/** Values of each channel in 1/sr at angles in radians; cos2Phi is cos(2 phi_d). Of one lobe, or of all. */
+export function evaluate(model, thetaH, thetaD, cos2Phi, lobe = null) {
+  const azimuth = cos2Phi * azimuthalFactor(thetaH, thetaD);
+  return sumOfLobes(model, Math.cos(thetaD), logCos(thetaH), (beta) => Math.exp(beta * azimuth), lobe);
+}
+
+/** The mean of `evaluate` over the phi_d at which both directions are above the horizon. */
+export function meanOverPhi(model, thetaH, thetaD) {
+  const sines = Math.sin(thetaH) * Math.sin(thetaD);
+  const least = Math.acos(Math.min(1, (Math.cos(thetaH) * Math.cos(thetaD)) / Math.max(sines, 1e-12)));
+  const factor = azimuthalFactor(thetaH, thetaD);
+  const azimuths = Array.from(
+    { length: N_PHI },
+    (_, i) => factor * Math.cos(2 * (least + ((Math.PI / 2 - least) * (i + 0.5)) / N_PHI)),
+  );
+  const stretch = (beta) => azimuths.reduce((sum, azimuth) => sum + Math.exp(beta * azimuth), 0) / N_PHI;
+  return sumOfLobes(model, Math.cos(thetaD), logCos(thetaH), stretch);
+}
+
+/** Three values that stand for red, green and blue. */
+export const asRgb = (model, values) => model.rgb.map((channel) => values[channel]);
+
 export const noEdit = () => ({ on: true, kappa: 1, gamma: 1 });
 
-export function isEdited(edits, spikeOn = true) {
-  return !spikeOn || edits.some(({ on, kappa, gamma }) => !on || kappa !== 1 || gamma !== 1);
+export function isEdited(edits) {
+  return edits.some(({ on, kappa, gamma }) => !on || kappa !== 1 || gamma !== 1);
 }
 
-/** The model with its lobes scaled; lobes that are off keep their place with kappa = 0. */
-export function editedModel(model, edits, spikeOn = true) {
-  if (!isEdited(edits, spikeOn)) return model;
-  const scaled = (values, factor) => values.map((value, i) => value * factor(edits[i % model.nLobes]));
+/** The model with its lobes scaled; lobes that are off keep their place. */
+export function editedModel(model, edits) {
+  if (!isEdited(edits)) return model;
+  const { sizes } = model;
+  const of = (key, i) => edits[Math.floor(i / sizes[key])];
   return {
     ...model,
-    kappa: scaled(model.kappa, (edit) => (edit.on ? edit.kappa : 0)),
-    gamma: scaled(model.gamma, (edit) => edit.gamma),
-    spike: spikeOn ? model.spike : new Float32Array(model.spike.length),
+    scale: model.scale.map((value, i) => (of("scale", i).on ? value + Math.log(of("scale", i).kappa) : OFF)),
+    gamma: model.gamma.map((value, i) => value + Math.log(of("gamma", i).gamma)),
   };
 }
 
-/** The model with some lobes only, in the given order; -1 stands for a lobe of no height. */
+/** Rows of `width` numbers, picked. */
+function pick(values, rows, width) {
+  const picked = new Float32Array(rows.length * width);
+  rows.forEach((row, i) => picked.set(values.subarray(row * width, (row + 1) * width), i * width));
+  return picked;
+}
+
+/** The model with some lobes only, in the given order. */
 export function withLobes(model, order) {
-  const rows = model.nSlices * model.nChannels;
-  const pick = (values, none) => {
-    const picked = new Float32Array(rows * order.length);
-    for (let i = 0; i < picked.length; i++) {
-      const k = order[i % order.length];
-      picked[i] = k < 0 ? none : values[Math.floor(i / order.length) * model.nLobes + k];
-    }
-    return picked;
-  };
-  return {
-    ...model,
-    nLobes: order.length,
-    kappa: pick(model.kappa, 0),
-    gamma: pick(model.gamma, 1),
-    beta: pick(model.beta, 0),
-  };
+  const { nChannels, nLobes, sizes } = model;
+  const rows = Array.from({ length: nChannels }, (_, c) => order.map((k) => c * nLobes + k)).flat();
+  const shared = SHARED.map((key) => [key, pick(model[key], order, sizes[key])]);
+  const colour = pick(model.colour, rows, sizes.colour);
+  return { ...model, ...Object.fromEntries(shared), colour, nLobes: order.length };
 }
 
-/** The model's slices at other angles, parameters taken from the nearest. */
-function atThetaD(model, thetaD) {
-  if (thetaD.length === model.nSlices && thetaD.every((angle, i) => angle === model.thetaD[i])) return model;
-  const slices = Array.from(thetaD, (angle) => {
-    const { low, high, weight } = locate(model.thetaD, angle);
-    return weight < 0.5 ? low : high;
-  });
-  const pick = (values) => {
-    const width = values.length / model.nSlices;
-    const picked = new Float32Array(width * slices.length);
-    slices.forEach((slice, i) => picked.set(values.subarray(slice * width, (slice + 1) * width), i * width));
-    return picked;
-  };
-  const parameters = Object.fromEntries(
-    ["kappa", "gamma", "beta", "spike"].map((key) => [key, pick(model[key])]),
+/** The model with some channels only, which may be the same. */
+export function withChannels(model, channels) {
+  const colour = pick(model.colour, channels, model.nLobes * model.sizes.colour);
+  return { ...model, colour, nChannels: channels.length };
+}
+
+/** A lobe at a few theta_d, to order lobes by. */
+function sharpness(model, k) {
+  const angles = [10, 30, 50, 70, 85];
+  return angles.reduce(
+    (sum, angle) => sum + Math.log1p(parametersAt(model, Math.cos(radians(angle))).gamma[k]),
+    0,
   );
-  return { ...model, ...parameters, thetaD, nSlices: thetaD.length };
 }
 
-/** Lobes of a channel from the flattest to the sharpest, as dsbrdf.space puts them side by side. */
-function bySharpness(model, channel) {
-  const sharpness = Array.from({ length: model.nLobes }, (_, k) => {
-    let sum = 0;
-    for (let slice = 0; slice < model.nSlices; slice++) {
-      sum += Math.log1p(model.gamma[(slice * model.nChannels + channel) * model.nLobes + k]);
-    }
-    return sum;
-  });
-  return [...sharpness.keys()].sort((i, j) => sharpness[i] - sharpness[j]);
+/** Lobes from the flattest to the sharpest, as dsbrdf.space puts them side by side. */
+function bySharpness(model) {
+  const of = Array.from({ length: model.nLobes }, (_, k) => sharpness(model, k));
+  return [...of.keys()].sort((i, j) => of[i] - of[j]);
 }
 
-/** Where to read lobe `k` of a channel of `a`, and its counterpart in `b`; `none` where there is no such lobe. */
-function counterparts(a, b, channel, k) {
-  const [orderA, orderB] = [bySharpness(a, channel), bySharpness(b, channel)];
-  const slot = k < a.nLobes ? orderA.indexOf(k) : k;
-  const place = (order, at) => ({ lobe: order[Math.min(at, order.length - 1)], none: at >= order.length });
-  return [place(orderA, slot), place(orderB, slot)];
+const heightOf = (lnKappa) =>
+  Math.log(Math.min(Math.expm1(Math.exp(Math.min(lnKappa, maxLnKappa))), heights[1]) + dark);
+const lnKappaOf = (height) =>
+  Math.log(Math.log1p(Math.min(Math.max(Math.exp(height) - dark, heights[0]), heights[1])));
+
+/** Coefficients as dsbrdf.space blends them: heights (channel, lobe, coefficient), ln(1 + gamma), beta and falloff. */
+function blendable(model, sizes) {
+  const of = (key) => resized(model[key], model.sizes[key], sizes[key]);
+  const [scale, colour] = [of("scale"), of("colour")];
+  const height = colour.map((value, i) => heightOf(value + scale[i % scale.length]));
+  const gamma = of("gamma").map((value) => Math.log1p(Math.exp(value)));
+  return { height, gamma, beta: of("beta"), falloff: of("falloff") };
 }
 
 /**
- * Between two models of the same channels as dsbrdf.space blends them, slice by slice: logarithms of kappa and gamma,
- * the other parameters as they are. Lobes stay in the order of `a`; where one model has fewer, a lobe of no height and of the shape of its sharpest is taken.
+ * Between two models of the same channels as dsbrdf.space blends them. Lobes stay in the order of `a`; where one model
+ * has fewer, a lobe of no height and of the shape of its sharpest is taken.
  */
 export function betweenModels(a, b, t) {
+  const { nChannels, channels, rgb } = a;
   const nLobes = Math.max(a.nLobes, b.nLobes);
-  const { nSlices, nChannels, thetaD } = a;
-  b = atThetaD(b, thetaD);
-  const blend = (x, y) => (1 - t) * x + t * y;
-  const blendLog = (x, y, offset) =>
-    Math.max(0, Math.exp(blend(Math.log(x + offset), Math.log(y + offset))) - offset);
-  const mixed = Object.fromEntries(
-    ["kappa", "gamma", "beta"].map((key) => [key, new Float32Array(nSlices * nChannels * nLobes)]),
-  );
-  for (let channel = 0; channel < nChannels; channel++) {
-    for (let k = 0; k < nLobes; k++) {
-      const [inA, inB] = counterparts(a, b, channel, k);
-      for (let slice = 0; slice < nSlices; slice++) {
-        const row = slice * nChannels + channel;
-        const [i, j] = [row * a.nLobes + inA.lobe, row * b.nLobes + inB.lobe];
-        const kappas = [inA.none ? 0 : a.kappa[i], inB.none ? 0 : b.kappa[j]];
-        mixed.kappa[row * nLobes + k] = blendLog(...kappas, logOffset);
-        mixed.gamma[row * nLobes + k] = blendLog(a.gamma[i], b.gamma[j], 1);
-        mixed.beta[row * nLobes + k] = blend(a.beta[i], b.beta[j]);
-      }
-    }
-  }
-  const spike = a.spike.map((height, i) => blend(height, b.spike[i]));
-  const name = `${Math.round(100 * (1 - t))} % ${a.name}, ${Math.round(100 * t)} % ${b.name}`;
-  return { name, thetaD, nSlices, nChannels, nLobes, ...mixed, spike, profile: null };
+  const sizes = Object.fromEntries(SHARED.map((key) => [key, Math.max(a.sizes[key], b.sizes[key])]));
+  sizes.scale = sizes.colour = Math.max(sizes.scale, a.sizes.colour, b.sizes.colour);
+  const ends = [a, b].map((model) => ({ model, order: bySharpness(model), ...blendable(model, sizes) }));
+  const slot = (k) => (k < a.nLobes ? ends[0].order.indexOf(k) : k);
+  const lobeOf = ({ order }, k) => order[Math.min(slot(k), order.length - 1)];
+  const blend = (value) => (1 - t) * value(ends[0]) + t * value(ends[1]);
+  const shape = (key) =>
+    Float64Array.from({ length: nLobes * sizes[key] }, (_, i) => {
+      const [k, j] = [Math.floor(i / sizes[key]), i % sizes[key]];
+      return blend((end) => end[key][lobeOf(end, k) * sizes[key] + j]);
+    });
+  const lnKappa = Float64Array.from({ length: nChannels * nLobes * sizes.scale }, (_, i) => {
+    const [row, j] = [Math.floor(i / sizes.scale), i % sizes.scale];
+    const [channel, k] = [Math.floor(row / nLobes), row % nLobes];
+    const height = (end) =>
+      slot(k) < end.order.length
+        ? end.height[(channel * end.model.nLobes + lobeOf(end, k)) * sizes.scale + j]
+        : Math.log(dark);
+    return lnKappaOf(blend(height));
+  });
+  const scale = new Float32Array(nLobes * sizes.scale);
+  lnKappa.forEach((value, i) => (scale[i % scale.length] += value / nChannels));
+  return {
+    name: `${Math.round(100 * (1 - t))} % ${a.name}, ${Math.round(100 * t)} % ${b.name}`,
+    channels,
+    rgb,
+    nChannels,
+    nLobes,
+    sizes,
+    scale,
+    gamma: Float32Array.from(shape("gamma"), (value) => Math.log(Math.max(Math.expm1(value), 1e-6))),
+    beta: Float32Array.from(shape("beta")),
+    falloff: Float32Array.from(shape("falloff")),
+    colour: Float32Array.from(lnKappa, (value, i) => value - scale[i % scale.length]),
+    profile: null,
+  };
 }

@@ -1,63 +1,68 @@
-// Kappa, gamma and beta of each lobe over theta_d.
+// Kappa, gamma, beta and falloff of each lobe over theta_d.
 
-import { lobeColour, lobeMarker, shownChannels } from "./channels.js";
-import { degrees } from "./material.js";
-import { linearScale, logBounds, logScale, onResize, Plot } from "./plot.js";
+import { lobeColour, lobeDash, shownChannels } from "./channels.js";
+import { parametersAt, radians } from "./material.js";
+import { linearScale, logBounds, logScale, niceTicks, onResize, Plot } from "./plot.js";
 import { currentModel, state, subscribe } from "./state.js";
 
 const ANGLES = [0, 15, 30, 45, 60, 75, 90];
 const SMALL = { left: 44, bottom: 38 };
-const holders = {
-  kappa: document.getElementById("kappa-plot"),
-  gamma: document.getElementById("gamma-plot"),
-  beta: document.getElementById("beta-plot"),
+const AT = Array.from({ length: 61 }, (_, i) => 1.5 * i);
+const TITLES = {
+  kappa: "κ, scale",
+  gamma: "γ, shape: narrow is high",
+  beta: "β, azimuthal term",
+  falloff: "Falloff toward the horizon",
 };
+const holders = Object.fromEntries(
+  Object.keys(TITLES).map((key) => [key, document.getElementById(`${key}-plot`)]),
+);
 
 export function startParameters() {
   subscribe(drawParameters);
   onResize(holders.kappa, drawParameters);
 }
 
+/** Curves of a lobe, one for gamma, beta and falloff, one for each shown channel for kappa: (curve, theta_d). */
+function curvesOf(points, model, key, lobe) {
+  if (key !== "kappa") return [points.map((point) => point[key][lobe])];
+  return shownChannels(model, state.channel).map((channel) =>
+    points.map(({ lnKappa }) => Math.exp(lnKappa[channel * model.nLobes + lobe])),
+  );
+}
+
 function parameterScale(key, values) {
-  if (key === "beta") return linearScale(-1, 1, [-1, -0.5, 0, 0.5, 1]);
-  return logScale(...logBounds(values, 7));
+  if (key === "kappa" || key === "gamma") return logScale(...logBounds(values, 7));
+  const room = key === "beta" ? 1 : 0.5;
+  const [low, high] = [Math.min(-room, ...values), Math.max(room, ...values)];
+  return linearScale(1.05 * low, 1.05 * high, niceTicks(1.05 * low, 1.05 * high));
 }
 
 function drawParameters() {
   const model = currentModel();
-  const channels = shownChannels(model, state.channel);
-  const at = Array.from(model.thetaD, degrees);
-  const titles = { kappa: "κ, scale", gamma: "γ, shape: narrow is high", beta: "β, azimuthal term" };
+  const points = AT.map((angle) => parametersAt(model, Math.cos(radians(angle))));
+  const lobes = state.edits.flatMap(({ on }, lobe) => (on ? [lobe] : []));
   for (const [key, holder] of Object.entries(holders)) {
-    const shown = model[key].filter((_, i) => state.edits[i % model.nLobes].on);
+    const curves = lobes.map((lobe) => curvesOf(points, model, key, lobe));
+    const scale = parameterScale(key, curves.flat(2));
     const plot = new Plot(holder, {
       x: linearScale(0, 90, ANGLES, String),
-      y: parameterScale(key, shown),
+      y: scale,
       xTitle: "θ_d (degrees)",
-      yTitle: titles[key],
+      yTitle: TITLES[key],
       label: `${key} of ${model.nLobes} lobes of ${model.name} over theta_d`,
       margin: SMALL,
     });
-    for (let lobe = 0; lobe < model.nLobes; lobe++) {
-      if (state.edits[lobe].on)
-        channels.forEach((channel) => drawParameter(plot, model, key, lobe, channel, at));
-    }
-    plot.line([state.thetaD, state.thetaD], key === "beta" ? [-1, 1] : [1e-30, 1e30], { class: "here" });
-  }
-}
-
-function drawParameter(plot, model, key, lobe, channel, at) {
-  const values = at.map((_, slice) => model[key][(slice * model.nChannels + channel) * model.nLobes + lobe]);
-  const faint = state.channel === null && model.nChannels > 1 ? " faint" : "";
-  plot.line(at, values, { class: `parameter${faint}`, stroke: lobeColour(lobe) });
-  if (at.length <= 30) {
-    const marks = {
-      marker: lobeMarker(lobe),
-      size: 2.4,
-      class: `mark${faint}`,
-      fill: lobeColour(lobe),
-      stroke: lobeColour(lobe),
-    };
-    plot.points(at, values, marks);
+    curves.forEach((ofLobe, i) => {
+      for (const values of ofLobe) {
+        plot.line(AT, values, {
+          class: `parameter${ofLobe.length > 1 ? " faint" : ""}`,
+          stroke: lobeColour(lobes[i]),
+          "stroke-dasharray": lobeDash(lobes[i]),
+          "data-lobe": lobes[i],
+        });
+      }
+    });
+    plot.line([state.thetaD, state.thetaD], [scale.from(0), scale.from(1)], { class: "here" });
   }
 }

@@ -2,7 +2,6 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 52, right: 14, top: 26, bottom: 40 };
-export const MARKERS = ["circle", "square", "triangle", "diamond", "cross", "bar"];
 let clipCount = 0;
 
 /** An SVG element with attributes and children. */
@@ -130,10 +129,9 @@ export class Plot {
     const { box } = this;
     const area = { x: box.left, y: box.top, width: box.width, height: box.height };
     this.svg.append(drawn("clipPath", { id: clip }, drawn("rect", area)));
-    this.under = drawn("g");
     this.grid = drawn("g", { class: "grid" });
     this.marks = drawn("g", { "clip-path": `url(#${clip})` });
-    this.svg.append(this.under, this.grid, this.marks);
+    this.svg.append(this.grid, this.marks);
     this.#axes(xTitle, yTitle);
     holder.replaceChildren(this.svg);
   }
@@ -177,12 +175,6 @@ export class Plot {
     this.svg.append(node);
   }
 
-  band(from, to) {
-    const [a, b] = [this.x(from), this.x(to)].sort((p, q) => p - q);
-    const { top, height } = this.box;
-    this.under.append(drawn("rect", { x: a, y: top, width: b - a, height, class: "unfitted" }));
-  }
-
   line(xs, ys, attributes) {
     let path = "";
     let pen = "M";
@@ -197,14 +189,14 @@ export class Plot {
     return node;
   }
 
-  /** Points, of which those nearer than `apart` pixels to the one before are left out. */
-  points(xs, ys, { marker = "square", size = 3, apart = 0, ...attributes }) {
+  /** Squares, of which those nearer than `apart` pixels to the one before are left out. */
+  points(xs, ys, { size = 3, apart = 0, ...attributes }) {
     let path = "";
     let last = -Infinity;
     xs.forEach((x, i) => {
       const [left, top] = [this.x(x), this.y(ys[i])];
       if (!Number.isFinite(top) || left - last < apart) return;
-      path += markerPath(marker, left, top, size);
+      path += squarePath(left, top, size);
       last = left;
     });
     const node = drawn("path", { d: path, ...attributes });
@@ -213,22 +205,8 @@ export class Plot {
   }
 }
 
-export function markerPath(marker, x, y, r) {
-  const [cx, cy] = [x.toFixed(1), y.toFixed(1)];
-  switch (marker) {
-    case "circle":
-      return `M${cx} ${cy}m${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`;
-    case "triangle":
-      return `M${cx} ${cy}m0 ${-1.2 * r}l${1.2 * r} ${2.1 * r}h${-2.4 * r}z`;
-    case "diamond":
-      return `M${cx} ${cy}m0 ${-1.3 * r}l${1.2 * r} ${1.3 * r}l${-1.2 * r} ${1.3 * r}l${-1.2 * r} ${-1.3 * r}z`;
-    case "cross":
-      return `M${cx} ${cy}m${-r} ${-r}l${2 * r} ${2 * r}m0 ${-2 * r}l${-2 * r} ${2 * r}`;
-    case "bar":
-      return `M${cx} ${cy}m${-1.2 * r} 0h${2.4 * r}`;
-    default:
-      return `M${cx} ${cy}m${-r} ${-r}h${2 * r}v${2 * r}h${-2 * r}z`;
-  }
+export function squarePath(x, y, r) {
+  return `M${x.toFixed(1)} ${y.toFixed(1)}m${-r} ${-r}h${2 * r}v${2 * r}h${-2 * r}z`;
 }
 
 /** Call `draw` when the size of `holder` changes, once a frame at most. */

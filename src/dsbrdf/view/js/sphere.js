@@ -7,19 +7,17 @@
 //
 // `shaders` is what dsbrdf.shader.sources() returns in Python: an object of strings, put into the page as JSON.
 //
-// A material: {name, nSlices, nChannels, nLobes,
-//   thetaD: Float32Array (theta_d), radians, ascending,
-//   kappa, gamma, beta: Float32Array (theta_d, channel, lobe), spike: Float32Array (theta_d, channel),
+// A material is a model as `material.js` has it, with
 //   profile: null or {thetaD, thetaH: Float32Array ((theta_d,) theta_h), radians,
-//     mean, amplitude: Float32Array (theta_d, channel, theta_h), NaN where there is none}}.
-// Of other than three channels the last, the middle and the first are red, green and blue. A copy of a material with `measured: true` is drawn from its profile; where that has no number, near
-// the pole and at grazing angles, from its lobes.
+//     mean, amplitude: Float32Array (theta_d, channel, theta_h), NaN where there is none}.
+// A copy with `measured: true` is drawn from its profile; where that has no number, near the pole and at grazing
+// angles, from its lobes. The document holds the package's constants as JSON in an element called "meta".
 //
 // Nothing here throws for want of WebGL2: onError(text) is called, and every method then does nothing. The canvas
 // may then have no 2d context either: draw what stands in for the sphere on another one.
 
 import { samplingTable, imageEnvironment, proceduralEnvironment } from "./environment.js";
-import { packParameters, packProfile, scaledMaterial } from "./pack.js";
+import { packParameters, packProfile } from "./pack.js";
 import { COVER, Renderer } from "./renderer.js";
 import { apply, column, IDENTITY, multiply, rotation, transpose } from "./rotation.js";
 
@@ -56,7 +54,6 @@ export class Sphere {
     Object.assign(this, { canvas, shaders, onError, onProgress });
     this.maxSamples = 256;
     this.materials = [];
-    this.edits = [];
     this.lighting = "environment";
     this.environment = ENVIRONMENTS[0].name;
     this.environments = new Map();
@@ -71,18 +68,10 @@ export class Sphere {
     this.#build();
   }
 
-  /** One material, or two: the left and the right half of the sphere. Resets setLobes of both. */
+  /** One material, or two: the left and the right half of the sphere. */
   setMaterials(left, right = null) {
     this.materials = right ? [left, right] : [left];
-    this.edits = [];
     this.#update(() => this.materials.forEach((_, slot) => this.#uploadMaterial(slot)));
-  }
-
-  /** slot: 0 left, 1 right. Arrays (lobe): booleans, factors of kappa and of gamma. */
-  setLobes(slot, enabled, kappaScale, gammaScale, spike = true) {
-    if (!this.materials[slot]) return;
-    this.edits[slot] = { enabled, kappaScale, gammaScale, spike };
-    this.#update(() => this.#uploadMaterial(slot));
   }
 
   /** A name among ENVIRONMENTS. */
@@ -260,9 +249,8 @@ export class Sphere {
 
   #uploadMaterial(slot) {
     const material = this.materials[slot];
-    const edited = this.edits[slot] ? scaledMaterial(material, this.edits[slot]) : material;
-    const profile = material.measured ? packProfile(material.profile, material.nChannels) : null;
-    this.renderer.setMaterial(slot, packParameters(edited), profile);
+    const profile = material.measured ? packProfile(material) : null;
+    this.renderer.setMaterial(slot, packParameters(material), profile);
   }
 
   /** The environment and its table; those with a name are made once. */

@@ -6,7 +6,16 @@ import { readEnvironment } from "./environment.js";
 import { orbit } from "./orbit.js";
 import { formatNumber, html, onResize } from "./plot.js";
 import { ENVIRONMENTS, LIGHTINGS, Sphere } from "./sphere.js";
-import { baseModel, chooseSecond, COMPARISONS, currentModel, setState, state, subscribe } from "./state.js";
+import {
+  altersModel,
+  baseModel,
+  chooseSecond,
+  COMPARISONS,
+  currentModel,
+  setState,
+  state,
+  subscribe,
+} from "./state.js";
 
 const OWN_IMAGE = "own image";
 const canvas = document.getElementById("sphere");
@@ -18,7 +27,6 @@ const environmentSelect = document.getElementById("environment");
 const exposureSlider = document.getElementById("exposure");
 
 let sphere = null;
-let shown = {};
 /** Until the first samples are there, the simpler sphere is seen. */
 let isWaiting = true;
 
@@ -62,23 +70,15 @@ function fillChoices() {
 
 /** What to draw on the two halves; the right one is null for a whole sphere. */
 function halves() {
-  const model = baseModel();
+  const model = currentModel();
   if (state.compare === "second" && state.second !== null) return [model, materials[state.second]];
-  if (state.compare === "measured" && model.profile) return [{ ...model, measured: true }, model];
+  if (state.compare === "measured" && baseModel().profile) return [{ ...baseModel(), measured: true }, model];
   return [model, null];
 }
 
 function updateSphere(changed) {
   const [left, right] = halves();
-  if (shown.left?.kappa !== left.kappa || shown.left.measured !== left.measured || shown.right !== right) {
-    sphere.setMaterials(left, right);
-    shown = { left, right };
-    changed.add("edits");
-  }
-  if (changed.has("edits") || changed.has("spikeOn")) {
-    const values = (key) => state.edits.map((edit) => edit[key]);
-    sphere.setLobes(left.measured ? 1 : 0, values("on"), values("kappa"), values("gamma"), state.spikeOn);
-  }
+  if (altersModel(changed)) sphere.setMaterials(left, right);
   if (changed.has("environment")) useEnvironment();
   if (changed.has("lighting")) sphere.setLighting(state.lighting);
   if (changed.has("exposure")) sphere.setExposure(state.exposure);

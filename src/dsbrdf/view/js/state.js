@@ -17,7 +17,6 @@ const defaults = () => ({
   log: true,
   channel: null,
   edits: [],
-  spikeOn: true,
   environment: ENVIRONMENTS[0].name,
   lighting: "environment",
   exposure: 0,
@@ -60,8 +59,8 @@ function mendState(changed) {
   }
   const model = baseModel();
   if (changed.includes("material") || model.nLobes !== state.edits.length) {
-    Object.assign(state, { edits: Array.from({ length: model.nLobes }, noEdit), spikeOn: true });
-    changed.push("edits", "spikeOn");
+    state.edits = Array.from({ length: model.nLobes }, noEdit);
+    changed.push("edits");
   }
   if (state.compare === "measured" && !model.profile) {
     state.compare = "none";
@@ -94,7 +93,7 @@ export function canBlend() {
 }
 
 export function currentModel() {
-  return editedModel(baseModel(), state.edits, state.spikeOn);
+  return editedModel(baseModel(), state.edits);
 }
 
 /** Change the edit of one lobe. */
@@ -110,7 +109,7 @@ export function chooseSecond(index) {
 
 /** Whether one of the changed keys alters the model on show. */
 export function altersModel(changed) {
-  return ["material", "second", "mix", "compare", "edits", "spikeOn"].some((key) => changed.has(key));
+  return ["material", "second", "mix", "compare", "edits"].some((key) => changed.has(key));
 }
 
 const linkName = (key) => (key === "thetaD" ? "theta_d" : key);
@@ -131,7 +130,6 @@ function writeFragment() {
     if (edits.some((edit) => edit[key] !== 1))
       entries.push([key, edits.map((edit) => SHORT.format(edit[key])).join()]);
   }
-  if (!state.spikeOn) entries.push(["spike", "0"]);
   // A page inside another has no address of its own
   try {
     history.replaceState(null, "", `#${new URLSearchParams(entries)}`);
@@ -155,7 +153,6 @@ export function readFragment() {
   next.log = link.get("scale") !== "linear";
   Object.assign(state, next);
   mendState(["material"]);
-  state.spikeOn = link.get("spike") !== "0";
   readEdits(link);
   schedule(Object.keys(state));
 }
