@@ -101,9 +101,7 @@ def unit_vectors_any(xp: Any, array: Any, name: str) -> None:
         As `unit_vectors`.
     """
     if array.ndim == 0 or array.shape[-1] != 3:
-        raise ValueError(
-            f"'{name}' must have x, y, z on its last axis, got shape {tuple(array.shape)}."
-        )
+        raise ValueError(f"'{name}' must have x, y, z on its last axis, got shape {tuple(array.shape)}.")
     norm = xp.sqrt(xp.sum(array * array, axis=-1))
     off = ~(xp.abs(norm - 1.0) <= UNIT_TOLERANCE)
     try:

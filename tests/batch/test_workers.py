@@ -46,7 +46,9 @@ def test_errors_come_from_processes_too(database, capsys):
 
 
 def test_warnings_come_from_processes_too():
-    with pytest.warns(dsbrdf.ConvergenceWarning, match="polished-chrome: the search ended after 1 iterations"):
+    with pytest.warns(
+        dsbrdf.ConvergenceWarning, match="polished-chrome: the search ended after 1 iterations"
+    ):
         (outcome,) = batch.fit_many(["polished-chrome"], processes=1, n_lobes=3, max_iterations=1)
     assert outcome.status == "out of iterations"
 

@@ -97,10 +97,7 @@ def test_blend_move_and_draw(built, tmp_path):
         built("move", "material-0", "--axis", 2, "--by", -1.5, "-o", "out/moved.json")[1]
         == "out/moved.json\n"
     )
-    assert (
-        built("draw", "-n", 2, "--seed", 7, "-o", "drawn")[1]
-        == "drawn/draw-1.json\ndrawn/draw-2.json\n"
-    )
+    assert built("draw", "-n", 2, "--seed", 7, "-o", "drawn")[1] == "drawn/draw-1.json\ndrawn/draw-2.json\n"
     for name in ("material-0-75-material-1-25", "out/moved", "drawn/draw-1", "drawn/draw-2"):
         assert dsbrdf.load(tmp_path / f"{name}.json").n_channels == 3
     first = dsbrdf.load(tmp_path / "drawn" / "draw-1.json")

@@ -12,12 +12,16 @@ import dsbrdf
 import dsbrdf.export.rgl
 import dsbrdf.measured.reflectance
 from dsbrdf import Samples, cli, read, tabulate
-from dsbrdf.measured import built_in
 from dsbrdf.export.convert import KINDS, convert, write_csv
+from dsbrdf.measured import built_in
 from dsbrdf.measured.formats.array_file import write_npz
 from dsbrdf.measured.formats.nbrdf import PARTS
 
-SCAN = "theta_i_deg,theta_o_deg,phi_o_deg,r,g,b,std\n30,45,170,1,2,3,0.5\n30,45.001,170,3,4,nan,0.875\n10,60,90,4,5,6,1\n"
+SCAN = """theta_i_deg,theta_o_deg,phi_o_deg,r,g,b,std
+30,45,170,1,2,3,0.5
+30,45.001,170,3,4,nan,0.875
+10,60,90,4,5,6,1
+"""
 
 
 @pytest.fixture

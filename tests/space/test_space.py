@@ -268,7 +268,9 @@ def test_spaces_refuse_what_does_not_fit(models):
     space = build_space([smooth_model(i, 2, fit_options={"convention": "centre"}) for i in range(4)])
     with pytest.raises(ValueError, match="material-9: channels value, where the space has r, g, b"):
         space.encode(smooth_model(9, n_channels=1))
-    with pytest.raises(ValueError, match=r"material-9: channels 0 \.\.\. 30 \(31\), where the space has r, g, b"):
+    with pytest.raises(
+        ValueError, match=r"material-9: channels 0 \.\.\. 30 \(31\), where the space has r, g, b"
+    ):
         space.encode(smooth_model(9, n_channels=31))
     with pytest.raises(ValueError, match=r"material-9: 4 lobes do not go into this space, which has 2"):
         space.encode(smooth_model(9, n_lobes=4))

@@ -129,5 +129,7 @@ def test_unknowns_of_what_is_dark_are_finite_and_the_same():
 
 
 def test_sizes_are_positive():
-    with pytest.raises(ValueError, match=r"a coefficient at least, .* got sizes \(6, 0, 3, 1, 2\) and 3 channels"):
+    with pytest.raises(
+        ValueError, match=r"a coefficient at least, .* got sizes \(6, 0, 3, 1, 2\) and 3 channels"
+    ):
         Variables(Sizes(gamma=0), 3)

@@ -194,9 +194,9 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
 def _markdown(rows: Sequence[Mapping[str, Any]], options: Mapping[str, Any]) -> str:
     heads = ["material", *(head for head, _ in HEADS.values()), "status"]
     lines = [
-        f"Fits with {', '.join(f'{key} {value}' for key, value in options.items())}. Errors over the whole hemisphere: "
-        "relative RMS of values (rel) and of cube roots of f cos cos (cbrt), RMS of logarithms (log), relative error of "
-        "the albedo; floors of rel.",
+        f"Fits with {', '.join(f'{key} {value}' for key, value in options.items())}. Errors over the whole "
+        "hemisphere: relative RMS of values (rel) and of cube roots of f cos cos (cbrt), RMS of logarithms (log), "
+        "relative error of the albedo; floors of rel.",
         "",
         "| " + " | ".join(heads) + " |",
         "|---|" + "---:|" * len(HEADS) + "---|",

@@ -180,7 +180,9 @@ def principal_figure(space: MaterialSpace) -> Figure:
             for what, axes in zip(LEAST, row[[-3, -1]], strict=True):
                 _draw_functions(axes, space, moved, theta_d, what)
                 if k == 0:
-                    axes.set_title({"height": "height of each lobe, 1/sr", "gamma": r"$\gamma$ of each lobe"}[what])
+                    axes.set_title(
+                        {"height": "height of each lobe, 1/sr", "gamma": r"$\gamma$ of each lobe"}[what]
+                    )
                 if k == n - 1:
                     axes.set_xlabel(r"$\theta_d$ (degrees)")
                 axes.tick_params(labelbottom=k == n - 1)

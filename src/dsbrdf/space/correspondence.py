@@ -1,8 +1,8 @@
 """Which lobe of one material is which of another, and what stands in for those that are missing (Section 6.C).
 
-The lobes of a material are ordered by their sharpness, from flat to sharp. Materials are laid side by side either at the
-flattest lobe ("rank"), or at the border between diffuse and specular lobes ("border", the paper): lobes of all materials
-are put in two classes by their sharpness. Slots that a material has no lobe for hold a dark lobe.
+The lobes of a material are ordered by their sharpness, from flat to sharp. Materials are laid side by side either at
+the flattest lobe ("rank"), or at the border between diffuse and specular lobes ("border", the paper): lobes of all
+materials are put in two classes by their sharpness. Slots that a material has no lobe for hold a dark lobe.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Functional principal component analysis of several curves at once (Ramsay and Silverman 2005; Section 6.C).
 
-An observation is the coefficients of all its curves in one row. The inner product of functions becomes a matrix: Eq. (7)
-for the curves of lobes. In coordinates in which that is the plain product of vectors, the analysis is a singular value
-decomposition.
+An observation is the coefficients of all its curves in one row. The inner product of functions becomes a matrix:
+Eq. (7) for the curves of lobes. In coordinates in which that is the plain product of vectors, the analysis is a
+singular value decomposition.
 """
 
 from __future__ import annotations

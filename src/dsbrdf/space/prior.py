@@ -1,9 +1,9 @@
 """A space as a Gaussian prior over the unknowns of the estimator (Section 6.C).
 
-The unknowns of a material are its logarithms of kappa and gamma, beta, falloff and colours, as `Variables.unknowns` lays
-them out. Their covariance over the materials of a space has as many rows as unknowns and no more ranks than materials:
-taken as it is, it would forbid whatever no material does. So the principal components of the standardised unknowns that
-hold most of the variance are kept, and what these leave out of each unknown stays as a variance of its own.
+The unknowns of a material are its logarithms of kappa and gamma, beta, falloff and colours, as `Variables.unknowns`
+lays them out. Their covariance over the materials of a space has fewer ranks than there are materials: taken as it is,
+it would forbid whatever no material does. So the principal components of the standardised unknowns that hold most of
+the variance are kept, and what these leave out of each unknown stays as a variance of its own.
 """
 
 from __future__ import annotations

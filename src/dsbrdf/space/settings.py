@@ -59,7 +59,9 @@ def check_channels(model: DSBRDF, channels: Sequence[str]) -> None:
 
 
 def _shown(channels: Sequence[str]) -> str:
-    return ", ".join(channels) if len(channels) <= 6 else f"{channels[0]} ... {channels[-1]} ({len(channels)})"
+    return (
+        ", ".join(channels) if len(channels) <= 6 else f"{channels[0]} ... {channels[-1]} ({len(channels)})"
+    )
 
 
 def check_convention(model: DSBRDF, convention: str) -> None:

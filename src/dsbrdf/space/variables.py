@@ -1,11 +1,11 @@
 """What the numbers of a space are: a row for each lobe, in which equal differences look about alike.
 
-A row holds coefficients of curves over x = cos(theta_d), as `dsbrdf.model.lobes.Lobes` does, each through a function that
-can be undone:
+A row holds coefficients of curves over x = cos(theta_d), as `dsbrdf.model.lobes.Lobes` does, each through a function
+that can be undone:
 
-- height: `ln(expm1(kappa) + e)`, e = `DARK`, the mean over channels. Equal differences are equal ratios of reflectance,
-  and it is nearly constant where a lobe cannot be seen, below 0.001/sr. The logarithm of kappa itself has neither: a
-  highlight would change its colour on the way to another one of the same colour.
+- height: `ln(expm1(kappa) + e)`, e = `DARK`, the mean over channels. Equal differences are equal ratios of
+  reflectance, and it is nearly constant where a lobe cannot be seen, below 0.001/sr. The logarithm of kappa itself has
+  neither: a highlight would change its colour on the way to another one of the same colour.
 - gamma: `ln(1 + gamma)`, nearly constant about gamma = 0.
 - beta and falloff as they are.
 - colour: what each channel adds to the height.
@@ -43,7 +43,7 @@ LEAST_WEIGHT, DARKER = 0.01, 2.0
 
 
 class Sizes(NamedTuple):
-    """Coefficients of each curve of a lobe, as the estimator has them; a space has as many for colours as for heights."""
+    """Coefficients of each curve of a lobe in the estimator; a space has as many for colours as for heights."""
 
     scale: int = 6
     gamma: int = 4
@@ -204,7 +204,7 @@ def resized(coefficients: Array, size: int) -> Array:
         return coefficients
     x = _angles()
     values = coefficients @ curve_design(x, coefficients.shape[-1]).T
-    nearest: Array = np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T
+    nearest = np.asarray(np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T, np.float64)
     return nearest.reshape(*coefficients.shape[:-1], size)
 
 
@@ -236,7 +236,7 @@ def _seen(kappa: Array) -> Array:
 
 
 def _weighted(curves: Array, weights: Array, size: int) -> Array:
-    """Curves (..., channel, coefficient) as the nearest of `size` coefficients, weights (..., coefficient) of a curve."""
+    """Curves (..., channel, coefficient) as the nearest of `size`; weights (..., coefficient) are a curve too."""
     x = _angles()[:: N_ANGLES // 90]
     wide, narrow = curve_design(x, curves.shape[-1]), curve_design(x, size)
     weight = weights @ wide.T
