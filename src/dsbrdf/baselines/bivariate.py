@@ -11,12 +11,13 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dsbrdf.baselines._base import AbstractBaseline, Array, bilinear, fill_gaps, slice_table
+from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["Bivariate", "fit_bivariate"]
+__all__ = ["Bivariate", "bilinear", "blend", "fill_gaps", "fit_bivariate"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +66,56 @@ def fit_bivariate(measured: MeasuredBRDF) -> Bivariate:
     Returns
     -------
     Bivariate
-        Its error over samples of the table is the bivariate floor of `dsbrdf.paper.metrics`.
+        Its error over the table's samples is the bivariate floor.
 
     Raises
     ------
     ValueError
         If no sample is valid.
 
-    Notes
-    -----
-    All rows and all valid samples take part: masks would leave holes and change no entry outside them.
     """
-    theta_d, mean, _ = slice_table(
-        measured, n_slices=len(measured.theta_d), min_theta_h=0.0, perimeter_mask=False
+    count, total = np.moveaxis(measured.moments(range(len(measured.theta_d)))[..., :2], -1, 0)
+    if not count.any():
+        raise ValueError(f"{measured.name or 'the table'}: no value is valid. Check that it holds positive values.")
+    mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0.0)
+    return Bivariate(measured.theta_d, measured.theta_h, mean, measured.name)
+
+
+def fill_gaps(x: Array, values: Array) -> Array:
+    """Values (theta_d, channel, x) with NaN replaced: linear in x inside a row, constant beyond its ends.
+
+    A row without any number is that of the nearest theta_d which has some; a channel without any is zero.
+    """
+    filled = values.copy()
+    known = np.isfinite(values)
+    for index in np.argwhere(known.any(-1)):
+        row, some = filled[*index], known[*index]
+        row[~some] = np.interp(x[~some], x[some], row[some])
+    rows = np.arange(len(values))
+    for channel in range(values.shape[1]):
+        full = rows[known[:, channel].any(-1)]
+        if full.size:
+            filled[:, channel] = filled[full[np.abs(rows[:, None] - full).argmin(1)], channel]
+        else:
+            filled[:, channel] = 0.0
+    return filled
+
+
+def blend(nodes: Array, x: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Nodes at or below and above `x`, and the weight of the upper; the end nodes hold beyond the ends."""
+    low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, max(nodes.size - 2, 0))
+    high = np.minimum(low + 1, nodes.size - 1)
+    step = np.where(high > low, nodes[high] - nodes[low], 1.0)
+    return low, high, np.clip((x - nodes[low]) / step, 0.0, 1.0)
+
+
+def bilinear(theta_d: Array, x: Array, table: Array, at_theta_d: Array, at_x: Array) -> Array:
+    """Values (..., channel) of a table (theta_d, channel, x) without gaps, between its nodes."""
+    d_low, d_high, d_weight = blend(theta_d, at_theta_d)
+    x_low, x_high, x_weight = blend(x, at_x)
+    d_weight, x_weight = d_weight[..., None], x_weight[..., None]
+    lower, upper = (
+        (1.0 - x_weight) * table[d, :, x_low] + x_weight * table[d, :, x_high] for d in (d_low, d_high)
     )
-    return Bivariate(theta_d, measured.theta_h, mean, measured.name)
+    result: Array = (1.0 - d_weight) * lower + d_weight * upper
+    return result

@@ -1,331 +1,284 @@
-"""How uncertain the parameters of a fit are: standard errors from the Jacobian, and by the bootstrap.
+"""How certain a fit is: the posterior at the solution, standard errors of parameters, and bands of values.
 
-Both take the samples of a slice as independent, and let their noise differ from one theta_h to another. They tell how
-far other samples of the same material would have moved the parameters; that no sum of lobes is the material shows in
-the floors and in held-out errors, not here.
+The covariance of the unknowns is `H^-1 (M + P) H^-1`, with H the Hessian of the posterior, M the sum of squares of the
+scores of single positions, and P the curvature of the penalty or of the prior: residuals that differ in size from place to
+place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986). What the data
+do not decide keeps the spread of P. It speaks of noise in the measurement, not of what the model cannot describe elsewhere.
+
+`linearise` is the readable twin of the kernel's residuals and derivatives, and what they are tested against.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _core
-from dsbrdf.fitting import scattered
+from dsbrdf import _check
+from dsbrdf.fitting.estimator import Estimate, unknowns_of
+from dsbrdf.fitting.observations import Observations
 from dsbrdf.geometry import half_diff
-from dsbrdf.measured.samples import Samples
-from dsbrdf.paper import metrics
-from dsbrdf.paper.collapse import SliceProfile, slice_mask, slice_rows
-from dsbrdf.paper.fit_slices import fit_profiles
+from dsbrdf.model.lobes import MAX_LN_KAPPA, Lobes, curve_design
 
-if TYPE_CHECKING:
-    from dsbrdf.model.dsbrdf import DSBRDF
-    from dsbrdf.paper.fit_report import Fit
-
-__all__ = ["StandardErrors", "bootstrap", "standard_errors"]
+__all__ = ["Posterior", "StandardErrors", "linearise", "posterior", "value_jacobian"]
 
 Array = NDArray[np.float64]
-#: Least eigenvalue, relative to the largest, of a Hessian of unit diagonal in a direction that the data tell of.
-LEAST_EIGENVALUE = 1e-10
+
+#: Most unknowns that a dense covariance is made of.
+MAX_UNKNOWNS = 3000
+#: Positions handled together.
+CHUNK = 1000
+#: Differences of logarithms above this count linearly in the gamma deviance; as in the kernel.
+MAX_LOG_RATIO = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class StandardErrors:
-    """Standard errors of the parameters of a model.
+    """Standard errors of the curves at some theta_d.
 
     Parameters
     ----------
-    ln_kappa, ln_gamma, asin_beta : (theta_d, channel, lobe) ndarray
-        Of what is estimated. Infinite where the data do not tell; NaN where a parameter is at a limit of the fit, is
-        not fitted, or the slice has no sample or no more than the model has numbers.
-    freedom : (theta_d, channel) ndarray
-        Samples less numbers of the model.
-    parameters : (kappa, gamma, beta), each (theta_d, channel, lobe) ndarray
-        The estimates.
+    theta_d : (theta_d,) ndarray, radians
+    ln_kappa : (theta_d, channel, lobe) ndarray
+    ln_gamma, beta, falloff : (theta_d, lobe) ndarray
     """
 
+    theta_d: Array
     ln_kappa: Array
     ln_gamma: Array
-    asin_beta: Array
-    freedom: Array
-    parameters: tuple[Array, Array, Array]
-
-    @property
-    def kappa(self) -> Array:
-        """Of kappa, to first order."""
-        return self.parameters[0] * self.ln_kappa
-
-    @property
-    def gamma(self) -> Array:
-        """Of gamma, to first order."""
-        return self.parameters[1] * self.ln_gamma
-
-    @property
-    def beta(self) -> Array:
-        """Of beta, to first order."""
-        return np.sqrt(1.0 - self.parameters[2] ** 2) * self.asin_beta
-
-    def intervals(self, level: float = 0.95) -> dict[str, tuple[Array, Array]]:
-        """Confidence intervals of "kappa", "gamma" and "beta": (low, high), each (theta_d, channel, lobe).
-
-        Symmetric in ln(kappa), ln(gamma) and asin(beta), with quantiles of Student's t.
-
-        Raises
-        ------
-        ValueError
-            If `level` is not between 0 and 1.
-        """
-        if not 0.0 < level < 1.0:
-            raise ValueError(f"'level' must lie between 0 and 1, got {level}.")
-        from scipy import special
-
-        freedom = np.where(self.freedom > 0.0, self.freedom, np.nan)
-        t = special.stdtrit(freedom, 0.5 + 0.5 * level)[..., None]
-        kappa, gamma, beta = self.parameters
-        with np.errstate(over="ignore"):
-            spread = [np.exp(t * error) for error in (self.ln_kappa, self.ln_gamma)]
-            middle, reach = np.arcsin(beta), t * self.asin_beta
-            low, high = (np.sin(np.clip(middle + sign * reach, -np.pi / 2, np.pi / 2)) for sign in (-1, 1))
-            return {
-                "kappa": (kappa / spread[0], kappa * spread[0]),
-                "gamma": (gamma / spread[1], gamma * spread[1]),
-                "beta": (low, high),
-            }
-
-
-def standard_errors(fit: Fit) -> StandardErrors:
-    """Standard errors of the parameters of a fit, from the Jacobian at its end.
-
-    Parameters
-    ----------
-    fit : Fit
-        With `method="joint"`.
-
-    Returns
-    -------
-    StandardErrors
-
-    Raises
-    ------
-    ValueError
-        If the parameters are not those of least squares, slice by slice.
-
-    Notes
-    -----
-    The covariance is `H^-1 (sum over theta_h of s^2 J^T J) H^-1` with `H = J^T J` over the rows of all theta_h, and
-    s^2 the residual variance at a theta_h, its samples counted less their leverage: the estimate of White (1980), as
-    MacKinnon and White (1985) correct it for few samples ("HC3" where each theta_h has one).
-    """
-    if fit.options.get("method") != "joint" or fit.model.curves is not None:
-        raise ValueError(
-            "standard errors are those of a fit of slices by method='joint': other parameters are not at the least "
-            "of the squares of their slice."
-        )
-    model = fit.model
-    shape = model.kappa.shape
-    azimuthal = bool(model.beta.any())
-    offset = metrics.LOG_OFFSET if fit.options.get("loss") == "log" else None
-    errors = np.full((*shape, 3), np.nan)
-    freedom = np.zeros(shape[:2])
-    for i, profile in enumerate(fit.profiles):
-        for channel in range(shape[1]):
-            slice_ = _Slice.of(profile, channel, offset)
-            lobes = np.stack([getattr(model, name)[i, channel] for name in ("kappa", "gamma", "beta")], -1)
-            errors[i, channel], freedom[i, channel] = slice_.errors(lobes, azimuthal)
-    ln_kappa, ln_gamma, asin_beta = np.moveaxis(errors, -1, 0)
-    estimates = (model.kappa, model.gamma, model.beta)
-    return StandardErrors(ln_kappa, ln_gamma, asin_beta, freedom, estimates)
+    beta: Array
+    falloff: Array
 
 
 @dataclass(frozen=True, eq=False)
-class _Slice:
-    """A slice of one channel as the fit sees it: two rows a theta_h, and what is left of the squares.
-
-    The sum of squares over phi_d is `(w_a (a + skew b) - y_a)^2 + (w_b b - y_b)^2 + rest`, with a the sum of lobes and
-    b their azimuthal amplitude; for the logarithmic loss see the kernel.
-    """
-
-    ln_cos: Array
-    n: Array
-    w_a: Array
-    skew: Array
-    mean: Array
-    w_b: Array
-    y_b: Array
-    rest: Array
-    offset: float | None
-
-    @classmethod
-    def of(cls, profile: SliceProfile, channel: int, offset: float | None) -> _Slice:
-        some = profile.count[channel] > 0.0
-        weight, f, ff, c, cc, fc = profile.moments[channel][some].T
-        theta_h = profile.theta_h[some]
-        mean, mean_c = f / weight, c / weight
-        var_c = np.maximum(cc - mean_c * c, 0.0)
-        seen = var_c > 1e-12 * weight
-        spread_c = np.sqrt(np.where(seen, var_c, 1.0))
-        along = np.where(seen, (fc - mean * c) / spread_c, 0.0)
-        rest = np.maximum(ff - mean * f - along**2, 0.0)
-        factor = half_diff.azimuthal_factor(theta_h, profile.theta_d)
-        unit = np.ones_like(mean) if offset is None else 1.0 / (mean + offset)
-        return cls(
-            half_diff.log_cos(theta_h),
-            profile.n_samples[channel][some],
-            np.sqrt(weight),
-            mean_c * factor,
-            mean,
-            np.where(seen, factor * spread_c, 0.0) * unit,
-            along * unit,
-            rest * unit**2,
-            offset,
-        )
-
-    def errors(self, lobes: Array, azimuthal: bool) -> tuple[Array, float]:
-        """Standard errors (lobe, 3) of ln(kappa), ln(gamma) and asin(beta), and degrees of freedom."""
-        errors = np.full(lobes.shape, np.nan)
-        free = self._free(lobes, azimuthal)
-        freedom = float(self.n.sum() - free.sum())
-        if not self.n.size or freedom <= 0.0:
-            return errors, freedom
-        residual, jacobian = self._rows(lobes)
-        jacobian = jacobian[..., free]
-        scale = np.sqrt((jacobian**2).sum((0, 1)))
-        told = scale > 0.0
-        of_free = np.full(len(scale), np.inf)
-        if told.any():
-            covariance = self._covariance(residual, jacobian[..., told] / scale[told])
-            of_free[told] = np.sqrt(covariance) / scale[told]
-        errors[free] = of_free
-        return errors, freedom
-
-    def _free(self, lobes: Array, azimuthal: bool) -> NDArray[np.bool_]:
-        """Which parameters (lobe, 3) are fitted and at no limit of the fit."""
-        brightest = self.mean.max(initial=0.0)
-        near = 1.0 - 1e-9
-        return np.stack(
-            [
-                np.expm1(lobes[:, 0]) < near * _core.MAX_HEIGHT * brightest,
-                np.abs(np.log(lobes[:, 1])) < near * _core.MAX_LN_GAMMA,
-                azimuthal & (np.abs(np.arcsin(lobes[:, 2])) < near * _core.MAX_ASIN_BETA),
-            ],
-            axis=-1,
-        )
-
-    def _rows(self, lobes: Array) -> tuple[Array, Array]:
-        """Residuals (2, theta_h) and their Jacobian (2, theta_h, lobe, 3)."""
-        kappa, gamma, beta = lobes.T
-        x = kappa * np.exp(gamma * self.ln_cos[:, None])
-        value, slope = np.expm1(x), x * np.exp(x)
-        a, b = value.sum(-1), (value * beta).sum(-1)
-        model = a + self.skew * b
-        if self.offset is None:
-            w_a = self.w_a
-            mean_row = w_a * (model - self.mean)
-        else:
-            w_a = self.w_a / (model + self.offset)
-            mean_row = self.w_a * np.log((model + self.offset) / (self.mean + self.offset))
-        by_a = np.stack([slope, slope * gamma * self.ln_cos[:, None], np.zeros_like(value)], -1)
-        by_b = by_a * beta[:, None]
-        by_b[..., 2] = value * np.sqrt(1.0 - beta**2)
-        skew, w_b = self.skew[:, None, None], self.w_b[:, None, None]
-        jacobian = np.stack([w_a[:, None, None] * (by_a + skew * by_b), w_b * by_b])
-        return np.stack([mean_row, self.w_b * b - self.y_b]), jacobian
-
-    def _covariance(self, residual: Array, jacobian: Array) -> Array:
-        """Variances (parameter,) for a Jacobian (2, theta_h, parameter) of columns of unit length."""
-        hessian = np.einsum("rhp,rhq->pq", jacobian, jacobian)
-        values, vectors = np.linalg.eigh(hessian)
-        seen = values > LEAST_EIGENVALUE * values[-1]
-        inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-        leverage = np.einsum("rhp,pq,rhq->h", jacobian, inverse, jacobian)
-        squares = (residual**2).sum(0) + self.rest
-        left = np.maximum(1.0 - leverage / self.n, 1e-6)
-        variance = squares / self.n / left**2
-        meat = np.einsum("rhp,h,rhq->pq", jacobian, variance, jacobian)
-        variances = np.diagonal(inverse @ meat @ inverse).copy()
-        hidden = vectors[:, ~seen]
-        variances[(np.abs(hidden) > 1e-6).any(-1)] = np.inf
-        return variances
-
-
-def bootstrap(fit: Fit, rng: np.random.Generator, n_draws: int = 200) -> tuple[Array, Array, Array]:
-    """Parameters of fits to samples drawn with replacement from those that were fitted.
+class Posterior:
+    """Covariance of the unknowns at the solution.
 
     Parameters
     ----------
-    fit : Fit
-        Of slices.
-    rng : numpy.random.Generator
-    n_draws : int, optional
+    lobes : Lobes
+    covariance : (unknown, unknown) ndarray
+        In the order of `dsbrdf.fitting.estimator.unknowns_of`.
+    n_decided : float
+        How many of the unknowns the data decided; the penalty or the prior decided the others.
+    """
 
-    Returns
-    -------
-    kappa, gamma, beta : (draw, theta_d, channel, lobe) ndarray
-        Lobes of a draw are matched to those of `fit`, slice by slice.
+    lobes: Lobes
+    covariance: Array
+    n_decided: float
+
+    def standard_errors(self, theta_d: ArrayLike) -> StandardErrors:
+        """Standard errors of the curves at angles (theta_d,) in radians."""
+        theta_d = _check.angle(theta_d, "theta_d")
+        x = np.cos(theta_d)
+        index = _Index(self.lobes)
+        n_d, n_lobes, n_channels = len(x), self.lobes.n_lobes, self.lobes.n_channels
+        shared = {
+            name: np.stack(
+                [
+                    self._deviation([(index.shared(name, k), curve_design(x, index.size(name)))], n_d)
+                    for k in range(n_lobes)
+                ],
+                axis=1,
+            )
+            for name in ("gamma", "beta", "falloff")
+        }
+        ln_kappa = np.empty((n_d, n_channels, n_lobes))
+        for channel in range(n_channels):
+            for k in range(n_lobes):
+                terms = [(index.shared("scale", k), curve_design(x, index.size("scale")))]
+                if n_channels > 1:
+                    terms.append((index.colour(channel, k), curve_design(x, index.size("colour"))))
+                ln_kappa[:, channel, k] = self._deviation(terms, n_d)
+        return StandardErrors(theta_d, ln_kappa, shared["gamma"], shared["beta"], shared["falloff"])
+
+    def _deviation(self, terms: list[tuple[int, Array]], n: int) -> Array:
+        rows = np.zeros((n, len(self.covariance)))
+        for start, design in terms:
+            rows[:, start : start + design.shape[1]] = design
+        return np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", rows, self.covariance, rows), 0.0))
+
+    def deviation(self, wi: ArrayLike, wo: ArrayLike) -> Array:
+        """Standard deviations (..., channel) of the logarithm of values at pairs of directions (..., 3)."""
+        wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
+        flat_i, flat_o = wi.reshape(-1, 3), wo.reshape(-1, 3)
+        deviation = np.empty((len(flat_i), self.lobes.n_channels))
+        for start in range(0, len(flat_i), CHUNK):
+            part = slice(start, start + CHUNK)
+            theta_h, theta_d, phi_d = half_diff.from_directions(flat_i[part], flat_o[part])
+            azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
+            value, jacobian = value_jacobian(
+                self.lobes, half_diff.log_cos(theta_h), np.cos(theta_d), azimuth[:, None]
+            )
+            rows = jacobian[:, 0] / np.maximum(value[:, 0], 1e-300)[..., None]
+            deviation[part] = np.sqrt(
+                np.maximum(np.einsum("ncp,pq,ncq->nc", rows, self.covariance, rows, optimize=True), 0.0)
+            )
+        return deviation.reshape(*wi.shape[:-1], -1)
+
+
+class _Index:
+    """Where the curves lie among the unknowns."""
+
+    def __init__(self, lobes: Lobes) -> None:
+        self.lobes = lobes
+        self.names = ("scale", "gamma", "beta", "falloff")
+        sizes = [getattr(lobes, name).shape[1] for name in self.names]
+        self.a_lobe = sum(sizes)
+        self.start = dict(zip(self.names, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
+
+    @property
+    def n(self) -> int:
+        return self.lobes.n_lobes * self.a_lobe + self.lobes.n_channels * self.n_block
+
+    @property
+    def n_block(self) -> int:
+        return self.lobes.n_lobes * self.size("colour") if self.lobes.n_channels > 1 else 0
+
+    def size(self, name: str) -> int:
+        return int(getattr(self.lobes, name).shape[-1])
+
+    def shared(self, name: str, k: int) -> int:
+        return k * self.a_lobe + self.start[name]
+
+    def colour(self, channel: int, k: int) -> int:
+        return self.lobes.n_lobes * self.a_lobe + channel * self.n_block + k * self.size("colour")
+
+
+def value_jacobian(lobes: Lobes, log_cos: Array, x: Array, azimuth: Array) -> tuple[Array, Array]:
+    """Values (n, node, channel) at positions, and their derivatives (n, node, channel, unknown)."""
+    index = _Index(lobes)
+    design = {name: curve_design(x, index.size(name)) for name in (*index.names, "colour")}
+    n, n_nodes, n_channels = len(x), azimuth.shape[1], lobes.n_channels
+    value = np.zeros((n, n_nodes, n_channels))
+    jacobian = np.zeros((n, n_nodes, n_channels, index.n))
+    for k in range(lobes.n_lobes):
+        scale, gamma, beta, falloff = (design[name] @ getattr(lobes, name)[k] for name in index.names)
+        exponent = np.exp(gamma) * log_cos
+        factor = np.exp(beta[:, None] * azimuth + (falloff * log_cos)[:, None])
+        for channel in range(n_channels):
+            ln_power = scale + exponent + design["colour"] @ lobes.colour[channel, k]
+            power = np.exp(np.minimum(ln_power, MAX_LN_KAPPA))
+            of_lobe = np.expm1(power)[:, None] * factor
+            slope = (power * np.exp(power))[:, None] * factor
+            value[..., channel] += of_lobe
+            derivatives = {
+                "scale": slope,
+                "gamma": slope * exponent[:, None],
+                "beta": of_lobe * azimuth,
+                "falloff": of_lobe * log_cos[:, None],
+            }
+            for name, by_curve in derivatives.items():
+                at = index.shared(name, k)
+                jacobian[:, :, channel, at : at + index.size(name)] += (
+                    by_curve[..., None] * design[name][:, None]
+                )
+            if n_channels > 1:
+                at = index.colour(channel, k)
+                jacobian[:, :, channel, at : at + index.size("colour")] += (
+                    slope[..., None] * design["colour"][:, None]
+                )
+    return value, jacobian
+
+
+def linearise(
+    lobes: Lobes, observations: Observations, loss: str, part: slice = slice(None)
+) -> tuple[Array, Array]:
+    """Residuals (position, node, channel), without weights, and derivatives (position, node, channel, unknown)."""
+    value, jacobian = value_jacobian(
+        lobes, observations.log_cos[part], observations.x[part], observations.azimuth[part]
+    )
+    offset = observations.offset
+    target = observations.values[part]
+    if loss == "l2":
+        return (value - target) / offset, jacobian / offset[:, None]
+    residual = np.arcsinh(0.5 * value / offset) - np.arcsinh(0.5 * target / offset)
+    slope = 1.0 / np.hypot(value, 2.0 * offset)
+    if loss == "gamma":
+        residual, by_residual = _gamma_deviance(residual)
+        slope = slope * by_residual
+    return residual, jacobian * slope[..., None]
+
+
+def _gamma_deviance(residual: Array) -> tuple[Array, Array]:
+    """Signed root of the gamma deviance of a difference of logarithms, and its derivative."""
+    u = np.minimum(-residual, MAX_LOG_RATIO)
+    small = np.abs(u) < 1e-3
+    safe = np.where(small, 1.0, u)
+    root = np.sign(safe) * np.sqrt(2.0 * (np.expm1(safe) - safe))
+    slope = np.where(small, 1.0 + u / 3.0 + u**2 / 12.0, np.expm1(safe) / root)
+    root = np.where(small, u * (1.0 + u * (1.0 / 6.0 + u / 36.0)), root)
+    return -(root + (-residual - u) * slope), slope
+
+
+def penalty_matrix(lobes: Lobes, penalty: tuple[float, float, float]) -> Array:
+    """Curvature (unknown, unknown) of the penalty, as the kernel has it."""
+    bend, slope, size = penalty
+    index = _Index(lobes)
+    matrix = np.zeros((index.n, index.n))
+    starts = [(name, index.shared(name, k)) for k in range(lobes.n_lobes) for name in index.names]
+    if lobes.n_channels > 1:
+        starts += [
+            ("colour", index.colour(channel, k))
+            for channel in range(lobes.n_channels)
+            for k in range(lobes.n_lobes)
+        ]
+    for name, start in starts:
+        n = index.size(name)
+        spacing = 5.0 / (max(n, 2) - 1)
+        block = np.zeros((n, n))
+        for order, weight in ((1, slope / spacing), (2, bend / spacing**3)):
+            if n > order:
+                difference = np.diff(np.eye(n), order, axis=0)
+                block += weight * difference.T @ difference
+        if name in ("colour", "beta", "falloff"):
+            block += size / n * np.eye(n)
+        matrix[start : start + n, start : start + n] += block
+    return matrix
+
+
+def posterior(observations: Observations, found: Estimate) -> Posterior:
+    """The posterior of an estimate.
 
     Raises
     ------
     ValueError
-        If `fit` has curves, or there is no draw.
-
-    Notes
-    -----
-    Each sample counts as often as a Poisson variable of mean one says, the same for all channels (Efron and Tibshirani
-    1993; the Poisson variant is that of Hanley and MacGibbon 2006).
+        If there are too many unknowns for a dense covariance.
     """
-    if n_draws < 1:
-        raise ValueError(f"'n_draws' must be at least 1, got {n_draws}.")
-    if fit.model.curves is not None:
-        raise ValueError("the bootstrap is that of a fit of slices: fit without curves.")
-    how = {key: fit.options[key] for key in ("method", "loss", "azimuthal", "order", "fill")}
-    draws = []
-    for _ in range(n_draws):
-        drawn, _ = fit_profiles(_drawn(fit, rng), fit.model.n_lobes, **how)
-        draws.append(_matched(drawn, fit.model))
-    kappa, gamma, beta = (np.stack(part) for part in zip(*draws, strict=True))
-    return kappa, gamma, beta
+    lobes = found.lobes
+    n = len(unknowns_of(lobes))
+    if n > MAX_UNKNOWNS:
+        raise ValueError(
+            f"{n:,} unknowns are too many for their covariance, {MAX_UNKNOWNS:,} at most. Fit fewer channels."
+        )
+    weights = observations.weights / observations.weights.sum()
+    hessian, scores = np.zeros((n, n)), np.zeros((n, n))
+    for start in range(0, len(observations.x), CHUNK):
+        part = slice(start, start + CHUNK)
+        residual, jacobian = linearise(lobes, observations, found.options.loss, part)
+        weighted = jacobian * weights[part][..., None]
+        hessian += np.einsum("nkcp,nkcq->pq", weighted, jacobian, optimize=True)
+        of_position = np.einsum("nkcp,nkc->np", weighted, residual, optimize=True)
+        scores += of_position.T @ of_position
+    precision = found.options.n_effective / max(found.squares, 1e-22)
+    if found.prior is None:
+        held = penalty_matrix(lobes, found.options.penalty)
+    else:
+        held = found.prior.precision
+    n_rows = float((observations.weights > 0.0).sum())
+    correction = n_rows / max(n_rows - n, 1.0)
+    total = precision * hessian + held
+    inverse = np.linalg.pinv(total, rcond=1e-14, hermitian=True)
+    covariance = inverse @ (precision**2 * correction * scores + held) @ inverse
+    n_decided = float(np.trace(inverse @ (precision * hessian)))
+    return Posterior(lobes, covariance, n_decided)
 
 
-def _drawn(fit: Fit, rng: np.random.Generator) -> list[SliceProfile]:
-    """The slices of a fit from samples drawn with replacement."""
-    theta_d = fit.model.theta_d
-    masks = {key: fit.options[key] for key in ("min_theta_h", "perimeter_mask")}
-    if isinstance(fit.measured, Samples):
-        samples = fit.measured
-        weights = np.ones(len(samples)) if samples.weights is None else samples.weights
-        drawn = dataclasses.replace(samples, weights=weights * rng.poisson(size=len(samples)))
-        return scattered.gather(drawn, theta_d, fit.options["tolerance"], **masks)
-    rows = slice_rows(len(fit.measured.theta_d), len(theta_d))
-    kept = slice_mask(fit.measured, rows, **masks, theta_h_step=fit.options["theta_h_step"])
-    values = fit.measured.rows(rows)
-    weight = np.isfinite(values) * rng.poisson(size=values.shape[1:]) * kept.T[:, :, None]
-    f, c = np.nan_to_num(values), np.cos(2.0 * fit.measured.phi_d)
-    terms = (np.ones_like(f), f, f**2, c + 0.0 * f, c**2 + 0.0 * f, f * c)
-    moments = np.stack([(weight * term).sum(-1) for term in terms], axis=-1).transpose(2, 0, 1, 3)
-    theta_h = fit.measured.theta_h
-    return [
-        SliceProfile(float(t), theta_h, np.ascontiguousarray(m))
-        for t, m in zip(theta_d, moments, strict=True)
-    ]
+def band(value: Any, deviation: Array, level: float) -> tuple[Array, Array]:
+    """Lower and upper bounds of values (..., channel) with these deviations of their logarithm."""
+    from scipy.special import ndtri
 
-
-def _matched(drawn: Sequence[Array], model: DSBRDF) -> list[Array]:
-    """Drawn parameters with lobes in the order of the model's nearest, slice by slice."""
-    from scipy.optimize import linear_sum_assignment
-
-    parts = [part.copy() for part in drawn]
-    tiny = np.finfo(np.float64).tiny
-    new, old = (
-        np.log(np.maximum(np.stack(pair, -1), tiny))
-        for pair in ((parts[0], parts[1]), (model.kappa, model.gamma))
-    )
-    for at in np.ndindex(*model.kappa.shape[:2]):
-        _, order = linear_sum_assignment(np.abs(old[at][:, None] - new[at][None]).sum(-1))
-        for part in parts:
-            part[at] = part[at][order]
-    return parts
+    factor = np.exp(float(ndtri(0.5 + 0.5 * level)) * deviation)
+    return value / factor, value * factor

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dsbrdf import _check
 from dsbrdf.measured.profile import amplitude, ratio
@@ -20,7 +20,6 @@ __all__ = [
     "MIN_THETA_H",
     "N_SLICES",
     "SliceProfile",
-    "gather_profile",
     "slice_profiles",
     "slice_rows",
 ]
@@ -43,24 +42,16 @@ class SliceProfile:
     theta_h : (theta_h,) ndarray, radians
     moments : (channel, theta_h, 6) ndarray
         Count, sum f, sum f^2, sum c, sum c^2, sum f c; all zero where nothing is valid.
-    numbers : (channel, theta_h) ndarray, optional
-        Numbers of samples, where the counts are sums of weights.
     """
 
     theta_d: float
     theta_h: NDArray[np.float64]
     moments: NDArray[np.float64]
-    numbers: NDArray[np.float64] | None = None
 
     @property
     def count(self) -> NDArray[np.float64]:
-        """Number (or summed weight) of samples, (channel, theta_h)."""
-        return self.moments[..., 0]
-
-    @property
-    def n_samples(self) -> NDArray[np.float64]:
         """Number of samples, (channel, theta_h)."""
-        return self.count if self.numbers is None else self.numbers
+        return self.moments[..., 0]
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -81,8 +72,7 @@ class SliceProfile:
     def cut(self, min_theta_h: float) -> SliceProfile:
         """The slice without its samples of theta_h below `min_theta_h` (radians)."""
         kept = self.theta_h >= min_theta_h
-        numbers = None if self.numbers is None else np.where(kept, self.numbers, 0.0)
-        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0), numbers)
+        return SliceProfile(self.theta_d, self.theta_h, np.where(kept[:, None], self.moments, 0.0))
 
 
 def slice_rows(n_rows: int, n_slices: int = N_SLICES) -> NDArray[np.int_]:
@@ -157,56 +147,6 @@ def slice_mask(
     limit = np.pi / 2 - measured.theta_d[rows] if perimeter_mask else np.full(len(rows), np.inf)
     mask: NDArray[np.bool_] = kept & (theta_h < limit[:, None])
     return mask
-
-
-def gather_profile(
-    theta_d: float, theta_h: ArrayLike, phi_d: ArrayLike, values: ArrayLike, weights: ArrayLike | None = None
-) -> SliceProfile:
-    """A slice from scattered samples of about the same theta_d; theta_h need not lie on a grid.
-
-    Parameters
-    ----------
-    theta_d : float, radians
-    theta_h, phi_d : (sample,) array_like, radians
-    values : (sample, channel) array_like
-        In 1/sr; NaN where invalid.
-    weights : (sample,) array_like, optional
-
-    Returns
-    -------
-    SliceProfile
-        One theta_h a distinct value, ascending.
-
-    Raises
-    ------
-    ValueError
-        If shapes disagree or an angle is out of range.
-    """
-    theta_d = float(_check.angle(theta_d, "theta_d"))
-    theta_h = _check.angle(theta_h, "theta_h")
-    if theta_h.ndim != 1:
-        raise ValueError(f"'theta_h' must have shape (sample,), got {theta_h.shape}.")
-    n = theta_h.size
-    values = np.asarray(values, dtype=np.float64)
-    if values.ndim != 2 or len(values) != n:
-        raise ValueError(f"'values' must have shape ({n}, channel), got {values.shape}.")
-    phi_d = _check.finite(phi_d, "phi_d")
-    weight = np.ones(n) if weights is None else _check.finite(weights, "weights", low=0.0)
-    for name, array in (("phi_d", phi_d), ("weights", weight)):
-        if array.shape != (n,):
-            raise ValueError(f"'{name}' must have shape ({n},) like 'theta_h', got {array.shape}.")
-    c = np.cos(2.0 * phi_d)
-    nodes, index = np.unique(theta_h, return_inverse=True)
-    valid = np.isfinite(values)
-    f = np.where(valid, values, 0.0)
-    w = weight[:, None] * valid
-    c = c[:, None]
-    terms = np.stack([w, w * f, w * f * f, w * c, w * c * c, w * f * c], axis=-1)
-    moments = np.zeros((len(nodes), *terms.shape[1:]))
-    np.add.at(moments, index, terms)
-    numbers = np.zeros((len(nodes), values.shape[1]))
-    np.add.at(numbers, index, w > 0.0)
-    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)), numbers.T)
 
 
 def stack_profiles(

@@ -1,14 +1,12 @@
 """Curves of kappa, gamma and beta over theta_d: quadratic B-splines in place of slices (Section 6.C).
 
-A model of curves is a `DSBRDF` tabulated at the middles of 90 one-degree cells, so it evaluates, samples and renders
-like any other; its file holds the coefficients. `DSBRDF.to_curves` smooths a model of slices, `dsbrdf.fit_curves` fits
-curves to data.
+A model of curves is a `Slices` tabulated at the middles of 90 one-degree cells, so it evaluates like any other.
+`Slices.to_curves` smooths a model of slices.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,14 +19,12 @@ from dsbrdf.geometry import half_diff
 from dsbrdf.geometry.grids import SHAPE, cell_angles
 
 if TYPE_CHECKING:
-    from dsbrdf.model.dsbrdf import DSBRDF
+    from dsbrdf.paper.slices import Slices
 
 __all__ = ["CurveBasis", "Curves", "tabulated_theta_d"]
 
 #: What curves can be splines in.
 VARIABLES = ("theta_d", "cosine")
-#: Arrays of a `Curves`.
-COEFFICIENTS = ("kappa", "gamma", "beta", "spike")
 #: Points of Gauss-Legendre quadrature between knots, beyond the degree: exact for polynomials, cosines to rounding.
 GRAM_NODES = 10
 #: Beyond these a lobe is absent or overflows, flat or a mirror; what lies outside is clipped.
@@ -183,6 +179,12 @@ class Curves:
         assert self.spike is not None
         return np.maximum(self.basis.design(theta_d) @ self.spike.T, 0.0)
 
+    @property
+    def n_parameters(self) -> int:
+        """Number of coefficients; those of beta and the spike count where there are any."""
+        parts = (self.kappa, self.gamma, self.beta, self.spike)
+        return sum(part.size for part in parts if part is not None and part.any())
+
     def lobe(self, k: int) -> Curves:
         """The curves of lobe `k` alone, without the spike."""
         parts = {name: getattr(self, name)[:, k : k + 1] for name in ("kappa", "gamma", "beta")}
@@ -197,43 +199,17 @@ class Curves:
         spike = np.array([nnls(rows, column)[0] for column in target.T])
         return dataclasses.replace(self, spike=spike)
 
-    def model(self, **fields: Any) -> DSBRDF:
-        """The model of these curves, tabulated at `tabulated_theta_d`; `fields` are others of `DSBRDF`."""
-        from dsbrdf.model.dsbrdf import DSBRDF
+    def model(self, **fields: Any) -> Slices:
+        """The model of these curves, tabulated at `tabulated_theta_d`; `fields` are others of `Slices`."""
+        from dsbrdf.paper.slices import Slices
 
         theta_d = tabulated_theta_d()
-        return DSBRDF(theta_d, *self.at(theta_d), self.spike_at(theta_d), curves=self, **fields)
-
-    def to_json(self) -> dict[str, Any]:
-        """All of it, as lists and numbers."""
-        arrays = {name: getattr(self, name).tolist() for name in COEFFICIENTS}
-        return dataclasses.asdict(self.basis) | {"logarithmic": self.logarithmic} | arrays
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Curves:
-        """Inverse of `to_json`.
-
-        Raises
-        ------
-        KeyError
-            If an entry is missing.
-        ValueError, TypeError
-            If one is of the wrong kind or out of range.
-        """
-        kinds = {"n_knots": int, "degree": int, "variable": str, "logarithmic": bool}
-        for key, kind in kinds.items():
-            if type(content[key]) is not kind:
-                raise TypeError(f"'curves.{key}' must be of type {kind.__name__}, got {content[key]!r:.40}.")
-        basis = CurveBasis(
-            content["n_knots"], content["degree"], tuple(content["domain"]), content["variable"]
-        )
-        arrays = {name: np.array(content[name], dtype=np.float64) for name in COEFFICIENTS}
-        return cls(basis, logarithmic=content["logarithmic"], **arrays)
+        return Slices(theta_d, *self.at(theta_d), self.spike_at(theta_d), curves=self, **fields)
 
     @classmethod
     def of(
         cls,
-        model: DSBRDF,
+        model: Slices,
         basis: CurveBasis | None = None,
         *,
         logarithmic: bool = True,
@@ -243,7 +219,7 @@ class Curves:
 
         Parameters
         ----------
-        model : DSBRDF
+        model : Slices
             With lobes that correspond over theta_d.
         basis : CurveBasis, optional
             That of the paper by default.
@@ -257,9 +233,7 @@ class Curves:
         Curves
         """
         basis = basis or CurveBasis()
-        kappa, gamma, beta, spike = (
-            np.asarray(getattr(model, name), dtype=float) for name in ("kappa", "gamma", "beta", "spike")
-        )
+        kappa, gamma, beta, spike = model.kappa, model.gamma, model.beta, model.spike
         weights = sensitivity(model) if weights is None else _check.finite(weights, "weights", low=0.0)
         if weights.shape != kappa.shape:
             raise ValueError(f"'weights' must have shape {kappa.shape} like kappa, got {weights.shape}.")
@@ -289,14 +263,14 @@ def parameters(
     return np.clip(kappa, *np.exp(LN_KAPPA)), np.clip(gamma, 0.0, np.exp(LN_GAMMA[1])), beta
 
 
-def sensitivity(model: DSBRDF) -> NDArray[np.float64]:
+def sensitivity(model: Slices) -> NDArray[np.float64]:
     """Weights (theta_d, channel, lobe) of slices in smoothing: squares that a relative change of kappa moves.
 
     Summed over the theta_h of a MERL table at which all directions are above the horizon, as a fit's samples are:
     bright lobes count more, and slices near grazing, which hold few samples, less.
     """
     theta_h = cell_angles("centre", SHAPE)[0]
-    kappa, gamma = (np.asarray(x, dtype=float)[:, :, None] for x in (model.kappa, model.gamma))
+    kappa, gamma = model.kappa[:, :, None], model.gamma[:, :, None]
     seen = theta_h < np.pi / 2 - model.theta_d[:, None]
     height = kappa * np.exp(gamma * half_diff.log_cos(theta_h)[:, None])
     slope = height * np.exp(np.minimum(height, LN_KAPPA[1]))

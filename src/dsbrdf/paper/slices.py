@@ -1,11 +1,10 @@
-"""`DSBRDF`: the fitted model (Eqs. 5 and 6), its evaluation, sampling and files."""
+"""`Slices`: the paper's model (Eqs. 5 and 6), lobes at some theta_d, a channel at a time."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,21 +12,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
 from dsbrdf.geometry import half_diff
-from dsbrdf.measured.source import Source
-from dsbrdf.model import evaluation
+from dsbrdf.geometry.grids import SHAPE
 from dsbrdf.measured.profile import MeasuredProfile
+from dsbrdf.measured.source import Source
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.measured.table import tabulate as tabulate_reflectance
+from dsbrdf.model import hemi_epd
+from dsbrdf.paper import evaluation
 
 if TYPE_CHECKING:
     from dsbrdf.paper.curves import CurveBasis, Curves
 
-__all__ = ["DSBRDF"]
+__all__ = ["Roughness", "Slices", "roughness"]
 
 #: Fields that curves stand for.
 PARAMETERS = ("theta_d", "kappa", "gamma", "beta", "spike")
+#: Added to gamma before its logarithm: shapes below a tenth look alike.
+GAMMA_OFFSET = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class DSBRDF:
+class Slices:
     """A reflectance as lobes whose parameters are given at some theta_d.
 
     The value is the sum over lobes of `expm1(kappa cos(theta_h)^gamma) (1 + beta g cos(2 phi_d))`, with g of
@@ -38,10 +43,9 @@ class DSBRDF:
     ----------
     theta_d : (theta_d,) ndarray, radians
         Ascending.
-    kappa, gamma, beta : (theta_d, channel, lobe) arrays
-        `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1], 0 by default; of NumPy, or of any library of the array API
-        standard to keep gradients.
-    spike : (theta_d, channel) array, 1/sr, optional
+    kappa, gamma, beta : (theta_d, channel, lobe) ndarray
+        `kappa` > 0, `gamma` >= 0, `beta` within [-1, 1], 0 by default.
+    spike : (theta_d, channel) ndarray, 1/sr, optional
         Heights, at least 0, of the delta term: a cap of the half vector that ends at one degree (see
         `dsbrdf.paper.spike`); none by default.
     name : str, optional
@@ -61,10 +65,10 @@ class DSBRDF:
     """
 
     theta_d: NDArray[np.float64]
-    kappa: Any
-    gamma: Any
-    beta: Any = None
-    spike: Any = None
+    kappa: NDArray[np.float64]
+    gamma: NDArray[np.float64]
+    beta: NDArray[np.float64] = None  # type: ignore[assignment]
+    spike: NDArray[np.float64] = None  # type: ignore[assignment]
     name: str = ""
     source: Source = field(default_factory=Source)
     fit_options: Mapping[str, Any] = field(default_factory=dict)
@@ -83,22 +87,19 @@ class DSBRDF:
             "beta": {"low": -1.0, "high": 1.0},
         }
         for name, limits in checks.items():
-            values = getattr(self, name)
-            if name == "beta" and values is None:
-                values = np.zeros(_shape(self.kappa))
-            shape = _shape(values)
-            if len(shape) != 3 or shape[0] != theta_d.size or shape != _shape(self.kappa):
+            given = getattr(self, name)
+            values = np.zeros(np.shape(self.kappa)) if given is None else _check.finite(given, name, **limits)
+            if values.ndim != 3 or len(values) != theta_d.size or values.shape != np.shape(self.kappa):
                 raise ValueError(
                     f"'{name}' must have shape (theta_d, channel, lobe) like 'kappa' with {theta_d.size} theta_d, "
-                    f"got {shape}."
+                    f"got {values.shape}."
                 )
-            object.__setattr__(self, name, _checked(values, name, **limits))
-
-        expected = _shape(self.kappa)[:2]
-        spike = np.zeros(expected) if self.spike is None else self.spike
-        if _shape(spike) != expected:
-            raise ValueError(f"'spike' must have shape (theta_d, channel) {expected}, got {_shape(spike)}.")
-        object.__setattr__(self, "spike", _checked(spike, "spike", low=0.0))
+            object.__setattr__(self, name, np.ascontiguousarray(values))
+        shape = self.kappa.shape[:2]
+        spike = np.zeros(shape) if self.spike is None else _check.finite(self.spike, "spike", low=0.0)
+        if spike.shape != shape:
+            raise ValueError(f"'spike' must have shape (theta_d, channel) {shape}, got {spike.shape}.")
+        object.__setattr__(self, "spike", np.ascontiguousarray(spike))
 
     @property
     def n_channels(self) -> int:
@@ -110,8 +111,16 @@ class DSBRDF:
         """Number of lobes in each slice and channel."""
         return int(self.kappa.shape[2])
 
-    def replace(self, **changes: Any) -> DSBRDF:
-        """Return a copy with some fields changed, e.g. `kappa` by an array that carries gradients.
+    @property
+    def n_parameters(self) -> int:
+        """Numbers that describe the reflectance: beta and the spike count where there are any."""
+        if self.curves is not None:
+            return self.curves.n_parameters
+        parts = (self.kappa, self.gamma, self.beta, self.spike)
+        return sum(part.size for part in parts if part.any())
+
+    def replace(self, **changes: Any) -> Slices:
+        """Return a copy with some fields changed.
 
         With other parameters the copy has no `curves`, unless those are given too.
         """
@@ -119,28 +128,27 @@ class DSBRDF:
             changes = {"curves": None} | changes
         return dataclasses.replace(self, **changes)
 
-    def eval(self, wi: Any, wo: Any) -> Any:
+    def eval(self, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
         """Values for pairs of directions.
 
         Parameters
         ----------
-        wi, wo : (..., 3) arrays
-            Unit vectors toward the light and the viewer, normal +z; NumPy, PyTorch, JAX or another library of
-            the array API standard. They broadcast against each other.
+        wi, wo : (..., 3) array_like
+            Unit vectors toward the light and the viewer, normal +z. They broadcast against each other.
 
         Returns
         -------
-        (..., channel) array, 1/sr, without the cosine
+        (..., channel) ndarray, 1/sr, without the cosine
             Zero where a direction is below the horizon. The same to the last bit with `wi` and `wo` exchanged.
 
         Raises
         ------
         ValueError
-            If NumPy directions are not unit vectors.
+            If directions are not unit vectors.
         """
         return evaluation.evaluate(wi, wo, self.theta_d, self.kappa, self.gamma, self.beta, self.spike)
 
-    def eval_angles(self, theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) -> Any:
+    def eval_angles(self, theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) -> NDArray[np.float64]:
         """Values (..., channel) in 1/sr at half and difference angles in radians, which broadcast.
 
         Zero where one of the two directions would be below the horizon.
@@ -152,7 +160,7 @@ class DSBRDF:
         """
         return self.eval(*half_diff.to_directions(theta_h, theta_d, phi_d))
 
-    def lobe(self, k: int) -> DSBRDF:
+    def lobe(self, k: int) -> Slices:
         """Lobe `k` alone, as a model; all lobes and the spike add up to the model (Section 6.B).
 
         Raises
@@ -163,11 +171,13 @@ class DSBRDF:
         if not -self.n_lobes <= k < self.n_lobes:
             raise IndexError(f"lobe {k}: the model has {self.n_lobes} lobes, numbered from 0.")
         k %= self.n_lobes
-        parts = {name: getattr(self, name)[..., k : k + 1] for name in ("kappa", "gamma", "beta")}
+        parts: dict[str, Any] = {
+            name: getattr(self, name)[..., k : k + 1] for name in ("kappa", "gamma", "beta")
+        }
         parts["curves"] = self.curves.lobe(k) if self.curves else None
         return self.replace(**parts, spike=None, name=f"{self.name} lobe {k}", errors={}, profile=None)
 
-    def to_curves(self, basis: CurveBasis | None = None, *, logarithmic: bool = True) -> DSBRDF:
+    def to_curves(self, basis: CurveBasis | None = None, *, logarithmic: bool = True) -> Slices:
         """The model with its parameters smoothed over theta_d by splines (Section 6.C).
 
         Parameters
@@ -179,9 +189,8 @@ class DSBRDF:
 
         Returns
         -------
-        DSBRDF
-            With `curves`, tabulated at every degree. `dsbrdf.fit` with `curves=True` fits curves to data and is
-            more exact. The errors of the slices are not its own, and left out.
+        Slices
+            With `curves`, tabulated at every degree. The errors of the slices are not its own, and left out.
         """
         from dsbrdf.paper.curves import Curves
 
@@ -189,93 +198,67 @@ class DSBRDF:
         kept = {key: getattr(self, key) for key in ("name", "source", "fit_options", "profile")}
         return curves.model(**kept)
 
-    def albedo(self, theta_i: ArrayLike) -> NDArray[np.float64]:
-        """Directional albedo: the share of light from `theta_i` that is reflected.
+    def tabulate(
+        self, *, shape: tuple[int, int, int] = SHAPE, convention: str = "centre"
+    ) -> MeasuredBRDF:
+        """The model as a table, to be rendered, exported, sampled, or fitted by `dsbrdf.fit`.
 
         Parameters
         ----------
-        theta_i : (...) array_like, radians in [0, pi/2]
-
-        Returns
-        -------
-        (..., channel) ndarray
-            Can exceed 1: nothing in the model bounds it. Quadrature; relative error below 1e-3.
-        """
-        from dsbrdf.model import sampling
-
-        return sampling.albedo(self, theta_i)
-
-    def conserve_energy(self) -> DSBRDF:
-        """The model, lowered where it reflects more light than it receives; the same if it does nowhere.
-
-        Slices are lowered by a factor each, so that reciprocity stays; each lobe keeps its kind but for a little (see
-        `dsbrdf.model.energy`). Up to 89 degrees no albedo is above 1.001 afterwards (1.004 of a near-mirror with an
-        albedo of 17). `kappa`, `gamma` and `spike` change; `errors` are dropped, as they are not those of the result.
+        shape, convention : optional
+            As of `dsbrdf.tabulate`.
 
         Raises
         ------
-        RuntimeError
-            If the albedo cannot be brought down.
+        ValueError
+            If an option is out of range.
         """
-        from dsbrdf.model import energy
-
-        return energy.conserve_energy(self)
-
-    def sample(self, wo: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Draw a direction toward the light for each direction toward the viewer.
-
-        Parameters
-        ----------
-        wo : (..., 3) array_like
-            Unit vectors above the horizon.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        (..., 3) ndarray
-            Unit vectors; those below the horizon carry no light and are to be given weight zero. Their density
-            is `pdf`.
-        """
-        from dsbrdf.model import sampling
-
-        return sampling.sample(self, wo, rng)
-
-    def pdf(self, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
-        """Density (...) in 1/sr with which `sample` draws `wi` for `wo`, exactly; zero below the horizon."""
-        from dsbrdf.model import sampling
-
-        return sampling.pdf(self, wi, wo)
-
-    def save(self, path: str | Path) -> None:
-        """Write the model as JSON; see `dsbrdf.model.file`.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be written; then nothing is left of it.
-        """
-        from dsbrdf.model import file as model_file
-
-        model_file.save(self, path)
-
-    def _repr_html_(self) -> str:
-        """The page of `dsbrdf.view`, for notebooks."""
-        from dsbrdf import view
-
-        return view.frame(self)
+        return tabulate_reflectance(
+            self.eval, self.name, shape=shape, convention=convention, source=self.source
+        )
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        return f"DSBRDF({name}{self.n_lobes} lobes, {self.n_channels} channels, {len(self.theta_d)} slices)"
+        return f"Slices({name}{self.n_lobes} lobes, {self.n_channels} channels, {len(self.theta_d)} slices)"
 
 
-def _shape(values: Any) -> tuple[int, ...]:
-    """Shape of an array of any library, or of what is none: empty for a scalar."""
-    return tuple(values.shape) if hasattr(values, "shape") else np.shape(values)
+@dataclass(frozen=True)
+class Roughness:
+    """Mean squared second difference from slice to slice of the curves of a model.
+
+    Parameters
+    ----------
+    kappa : float
+        Of ln(kappa).
+    gamma : float
+        Of ln(gamma + 0.1).
+    """
+
+    kappa: float
+    gamma: float
 
 
-def _checked(values: Any, name: str, **limits: Any) -> Any:
-    """NumPy arrays and sequences as a checked array; arrays of other libraries as they are."""
-    if isinstance(values, np.ndarray | list | tuple):
-        return np.ascontiguousarray(_check.finite(values, name, **limits))
-    return values
+def roughness(model: Slices) -> Roughness:
+    """How rough the curves of kappa and gamma over theta_d are; low where lobes correspond between slices.
+
+    Squares of second differences over three neighbouring slices are averaged over slices, channels and lobes. The
+    weight is the least share of the light (of `expm1(kappa cos^gamma)` over the hemisphere of half vectors) that the
+    lobe has in the three, so that lobes that come, go or are absent count for little. NaN with fewer than three slices.
+
+    Parameters
+    ----------
+    model : Slices
+
+    Returns
+    -------
+    Roughness
+    """
+    kappa, gamma = model.kappa, model.gamma
+    if len(kappa) < 3:
+        return Roughness(float("nan"), float("nan"))
+    log_energy = -hemi_epd.log_normaliser(kappa, gamma)
+    energy = np.exp(log_energy - log_energy.max(-1, keepdims=True))
+    share = energy / energy.sum(-1, keepdims=True)
+    weight = np.minimum(np.minimum(share[:-2], share[1:-1]), share[2:])
+    curves = (np.log(kappa), np.log(gamma + GAMMA_OFFSET))
+    return Roughness(*(float(np.average(np.diff(curve, 2, axis=0) ** 2, weights=weight)) for curve in curves))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf.paper import metrics
 from dsbrdf.paper.collapse import MIN_THETA_H, SliceProfile, stack_profiles
 
-__all__ = ["SIN2_WIDTH", "cap", "sample_sin2", "solid_angle_density", "spike_heights"]
+__all__ = ["SIN2_WIDTH", "cap", "spike_heights"]
 
 #: Square of the sine of the theta_h at which a spike ends.
 SIN2_WIDTH = float(np.sin(MIN_THETA_H) ** 2)
@@ -27,16 +27,6 @@ MIN_GAIN = 0.5
 def cap(sin2: ArrayLike) -> NDArray[np.float64]:
     """Shape of a spike at `sin(theta_h)^2`: 1 at the pole, falling in proportion to 0 at one degree."""
     return np.maximum(1.0 - np.asarray(sin2) / SIN2_WIDTH, 0.0)
-
-
-def solid_angle_density(sin2: ArrayLike) -> NDArray[np.float64]:
-    """Density over solid angle, in 1/sr, of half vectors drawn by `sample_sin2`."""
-    return 2.0 / SIN2_WIDTH * cap(sin2) * np.sqrt(np.maximum(1.0 - np.asarray(sin2), 0.0)) / np.pi
-
-
-def sample_sin2(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
-    """Draw `sin(theta_h)^2` with density in proportion to `cap`."""
-    return SIN2_WIDTH * (1.0 - np.sqrt(1.0 - rng.random(size)))
 
 
 def spike_heights(

@@ -8,9 +8,11 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, bilinear, fill_gaps, slice_table
+from dsbrdf.baselines import AbstractBaseline
+from dsbrdf.baselines.bivariate import bilinear, fill_gaps
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.baselines._base import Array, SliceOptions, slice_table
 
 __all__ = ["Interpolation", "fit_interpolation"]
 

@@ -1,4 +1,4 @@
-"""The fit of slices, however they came about, and how it went."""
+"""The fit of lobes to profiles of slices, and how it went."""
 
 from __future__ import annotations
 
@@ -78,19 +78,18 @@ def fit_profiles(
     *,
     method: str = "joint",
     loss: str = "l2",
-    azimuthal: bool = True,
+    azimuthal: bool = False,
     order: str = "follow",
-    fill: str = "nearest",
     near_pole: Sequence[SliceProfile] | None = None,
 ) -> tuple[Parameters, list[SliceReport]]:
-    """Fit slices; the work of `fit` without a table.
+    """Fit slices; the work of `fit_slices` without a table.
 
     Parameters
     ----------
     profiles : sequence of SliceProfile
         Ascending in theta_d.
-    n_lobes, method, loss, azimuthal, order, fill
-        See `fit`.
+    n_lobes, method, loss, azimuthal, order
+        See `dsbrdf.paper.fit_slices`.
     near_pole : sequence of SliceProfile, optional
         The slices with no lower cut of theta_h. No lobe goes above the brightest mean over phi_d there; without them
         a narrow lobe can grow to 100 times what was fitted, where nothing is.
@@ -136,7 +135,7 @@ def fit_profiles(
         for i, status in enumerate(result["status"])
     ]
     parameters = (result["kappa"], result["gamma"], result["beta"])
-    fill_empty(theta_d, parameters, count > 0.0, fill)
+    fill_empty(parameters, count > 0.0)
     return parameters, reports
 
 
@@ -147,32 +146,18 @@ def brightest(near_pole: Sequence[SliceProfile], profiles: Sequence[SliceProfile
     return np.where((count > fitted).any(-1), mean.max(-1), np.nan)
 
 
-def fill_empty(
-    theta_d: NDArray[np.float64], parameters: Parameters, has_data: NDArray[np.bool_], fill: str
-) -> None:
-    """Give slices (theta_d, channel) without a sample the parameters of others, in place.
-
-    "nearest": those of the nearest slice; "linear": interpolated linearly in theta_d between the next on either side,
-    kappa and gamma by their logarithms, and nearest beyond the first and last.
-    """
-    tiny = np.finfo(np.float64).tiny
+def fill_empty(parameters: Parameters, has_data: NDArray[np.bool_]) -> None:
+    """Give slices (theta_d, channel) without a sample the parameters of the nearest that has some, in place."""
     for channel in range(has_data.shape[1]):
         known, empty = (np.flatnonzero(has_data[:, channel] == some) for some in (True, False))
-        if not known.size or not empty.size:
-            continue
-        nearest = known[np.abs(empty[:, None] - known).argmin(1)]
-        for values, is_scale in zip(parameters, (True, True, False), strict=True):
-            if fill == "nearest":
+        if known.size and empty.size:
+            nearest = known[np.abs(empty[:, None] - known).argmin(1)]
+            for values in parameters:
                 values[empty, channel] = values[nearest, channel]
-                continue
-            of_known = values[known, channel]
-            of_known = np.log(np.maximum(of_known, tiny)) if is_scale else of_known
-            between = np.stack([np.interp(theta_d[empty], theta_d[known], lobe) for lobe in of_known.T], -1)
-            values[empty, channel] = np.exp(between) if is_scale else between
 
 
 def report_trouble(reports: Sequence[SliceReport], strict: bool) -> None:
-    """Warn (or raise, if `strict`) where slices ran out of iterations, on behalf of who called `fit`."""
+    """Warn (or raise, if `strict`) where slices ran out of iterations, on behalf of who called `fit_slices`."""
     trouble = [report for report in reports if report.status is FitStatus.MAX_ITERATIONS]
     if not trouble:
         return

@@ -7,9 +7,10 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, ratio
-from dsbrdf.baselines._samples import Samples, gather_samples, refine
+from dsbrdf.baselines import AbstractBaseline
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.baselines._base import Array, SliceOptions, ratio
+from dsbrdf.paper.baselines._samples import Samples, gather_samples, refine
 
 __all__ = ["LambertTorranceSparrow", "fit_lambert_torrance_sparrow"]
 

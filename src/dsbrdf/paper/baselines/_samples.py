@@ -8,7 +8,7 @@ from typing import Unpack
 
 import numpy as np
 
-from dsbrdf.baselines._base import Array, SliceOptions, slice_table
+from dsbrdf.paper.baselines._base import Array, SliceOptions, slice_table
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper.collapse import slice_rows
@@ -41,7 +41,7 @@ class Samples:
 
 
 def gather_samples(measured: MeasuredBRDF, **options: Unpack[SliceOptions]) -> Samples:
-    """Samples that `dsbrdf.fit` takes with the same options.
+    """Samples that `dsbrdf.paper.fit_slices` takes with the same options.
 
     Raises
     ------

@@ -8,10 +8,12 @@ from typing import ClassVar, Unpack
 import numpy as np
 
 from dsbrdf import _check
-from dsbrdf.baselines._base import AbstractBaseline, Array, SliceOptions, blend, slice_table
-from dsbrdf.baselines._samples import refine
+from dsbrdf.baselines import AbstractBaseline
+from dsbrdf.baselines.bivariate import blend
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.baselines._base import Array, SliceOptions, slice_table
+from dsbrdf.paper.baselines._samples import refine
 
 __all__ = ["VonMisesFisher", "fit_von_mises_fisher"]
 
@@ -25,7 +27,7 @@ N_GRID, N_ROUNDS = 32, 4
 class VonMisesFisher(AbstractBaseline):
     """Lobes `amplitude exp(kappa (cos(theta_h) - 1))` whose parameters are given at some theta_d.
 
-    Between slices the values of the two nearest are interpolated linearly in theta_d, as those of a `DSBRDF`.
+    Between slices the values of the two nearest are interpolated linearly in theta_d, as those of `dsbrdf.paper.Slices`.
 
     Parameters
     ----------
