@@ -4,39 +4,63 @@ import dataclasses
 import sys
 import warnings
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import dsbrdf
-from dsbrdf import half_diff, plot
+from dsbrdf import Lobes, half_diff, plot
 from dsbrdf.measured import built_in
 from dsbrdf.model import sphere
 
 SHAPE = (45, 18, 36)
 
 
+def quiet_fit(measured, n_lobes):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+        return dsbrdf.fit(measured, n_lobes)
+
+
 @pytest.fixture(scope="module")
 def fit():
     """A small table of a material that differs over phi_d, fitted."""
-    table = dsbrdf.tabulate(built_in.get("rough-gold").reflectance, "gold", shape=SHAPE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
-        return dsbrdf.fit(table, n_lobes=3)
+    return quiet_fit(dsbrdf.tabulate(built_in.get("rough-gold").reflectance, "gold", shape=SHAPE), 3)
 
 
 @pytest.fixture(scope="module")
 def grey_fit():
-    """One channel, two lobes, three slices."""
-    table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=SHAPE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
-        return dsbrdf.fit(table, n_lobes=2, n_slices=3)
+    """One channel, two lobes."""
+    return quiet_fit(dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=SHAPE), 2)
+
+
+def with_channels(model, n, names=()):
+    """A model whose channels are that many copies of its first."""
+    lobes = model.lobes
+    colour = np.repeat(lobes.colour[:1], n, axis=0)
+    return model.replace(lobes=lobes.replace(colour=colour), channels=names, profile=None)
 
 
 def line(axes, label):
     (found,) = [line for line in axes.get_lines() if line.get_label() == label]
     return found
+
+
+def assert_nothing_is_cut(figure):
+    """No text lies outside of the figure."""
+    with matplotlib.rc_context(plot.STYLE):
+        FigureCanvasAgg(figure).draw()
+    whole = figure.bbox
+    texts = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
+    for axes in figure.axes:
+        texts += [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.get_xticklabels()]
+        texts += axes.get_legend().get_texts() if axes.get_legend() else []
+    for text in (text for text in texts if text.get_text() and text.get_visible()):
+        box = text.get_window_extent()
+        inside = whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1
+        assert inside, f"{text.get_text()!r} at {box}, figure {whole}"
 
 
 @pytest.mark.parametrize("convention", ["centre", "edge"])
@@ -93,69 +117,73 @@ def test_fit_figure_shows_the_fit(fit):
     np.testing.assert_allclose(x, np.rad2deg(theta_h[::3]))
 
 
-def test_fitted_holds_the_delta_term(fit):
-    spike = np.full(fit.model.spike.shape, 40.0)
-    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=spike))
-    column = plot.fit_figure(spiked, theta_d=[0.0], channel=1).axes
-    x, y = line(column[2], "fitted").get_data()
-    expected = spiked.model.eval_angles(np.deg2rad(x[x >= 0.0]), fit.measured.theta_d[0], 0.0)[:, 1]
-    shown = np.isfinite(y[x >= 0.0])
-    np.testing.assert_allclose(y[x >= 0.0][shown], expected[shown], rtol=1e-9)
-    np.testing.assert_array_equal(line(column[0], "green, fitted").get_ydata(), y)
-    delta = line(column[2], "delta").get_ydata()
-    np.testing.assert_allclose(delta[np.abs(x) < 1e-9], 40.0)
-    np.testing.assert_allclose(delta[(np.abs(x) > 1.0) & np.isfinite(delta)], 0.0, atol=1e-9)
-    assert "delta" not in [line.get_label() for line in plot.fit_figure(fit, theta_d=[0.0]).axes[2].lines]
-
-
-def test_the_fitted_sphere_holds_the_delta_term(fit, monkeypatch):
-    """Not the lobes alone: with a spike at each normal, something is brighter than they are."""
-    spiked = dataclasses.replace(fit, model=fit.model.replace(spike=np.full(fit.model.spike.shape, 1e6)))
-    radiances = []
-    monkeypatch.setattr(
-        sphere, "picture", lambda radiance, _: radiances.append(radiance) or radiance[..., :1]
-    )
-    plot.demo_figure([spiked], n_pixels=64)
-    np.testing.assert_array_equal(radiances[1], sphere.shade(spiked.model, 64))
-    assert (radiances[1] > sum(radiances[2:]) + 1.0).any()
-
-
 def test_fit_figure_names_errors_and_the_brightest_channel(fit):
     figure = plot.fit_figure(fit)
     title = figure.get_suptitle()
-    for value in (fit.errors.rel_rms, fit.errors.bivariate_floor, fit.errors.azimuthal_floor):
-        assert f"{100 * value:.2f} %" in title
+    assert title.startswith(f"gold: 3 lobes, {fit.model.n_parameters} numbers\n")
+    for key in ("rel", "cbrt", "log", "albedo", "bivariate_floor", "azimuthal_floor"):
+        assert f"{key.replace('_', ' ')} {getattr(fit.errors, key):.3f}" in title
     assert len(figure.axes) == 9
     assert figure.axes[6].get_ylabel() == "BRDF (1/sr), lobes of red"
 
 
+@pytest.mark.parametrize("columns", [1, 3])
+def test_nothing_is_cut(fit, columns):
+    assert_nothing_is_cut(plot.fit_figure(fit, theta_d=[0.1, 0.6, 1.2][:columns]))
+    assert_nothing_is_cut(plot.parameter_figure(fit.model.replace(name="a name as long as some files have")))
+    named = dataclasses.replace(fit, model=fit.model.replace(name="specular-black-phenolic"))
+    assert_nothing_is_cut(plot.demo_figure([named] * columns, n_pixels=16))
+
+
 def test_figures_of_one_channel(grey_fit, tmp_path):
     figure = plot.fit_figure(grey_fit, theta_d=[0.6])
-    assert "channel 0, fitted" in [line.get_label() for line in figure.axes[0].get_lines()]
+    assert "value, fitted" in [line.get_label() for line in figure.axes[0].get_lines()]
     for i, made in enumerate([figure, plot.parameter_figure(grey_fit.model), plot.demo_figure([grey_fit])]):
         plot.write_figure(made, tmp_path / f"{i}.png", dpi=40)
 
 
-def test_slices_are_shown_once(grey_fit):
+def test_of_many_channels_a_few_are_shown(grey_fit):
+    names = [f"{nm}" for nm in range(400, 720, 10)]
+    model = with_channels(grey_fit.model, len(names), names)
+    figure = plot.parameter_figure(model)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:5] == [rf"$\kappa$, {nm}" for nm in (400, 480, 560, 630, 710)]
+    assert len(titles) == 5 + 3
+    assert_nothing_is_cut(figure)
+
+
+def test_angles_are_shown_once(grey_fit):
     assert len(plot.fit_figure(grey_fit, theta_d=[0.0, 0.01, 0.02]).axes) == 3
+
+
+def test_scattered_samples_have_no_such_figure(fit):
+    wi = np.array([[0.0, 0.6, 0.8]])
+    scattered = dataclasses.replace(fit, measured=dsbrdf.Samples(wi, wi, np.ones((1, 3))))
+    with pytest.raises(TypeError, match=r"gold: figures of fits show tables, got scattered samples\."):
+        plot.fit_figure(scattered)
 
 
 def test_parameter_figure_shows_the_parameters(fit):
     figure = plot.parameter_figure(fit.model)
-    grid = np.array(figure.axes).reshape(3, 3)
-    for row, symbol in zip(grid, ("kappa", "gamma", "beta"), strict=True):
-        for channel, axes in enumerate(row):
-            for k in range(3):
-                x, y = line(axes, f"lobe {k}").get_data()
-                np.testing.assert_allclose(x, np.rad2deg(fit.model.theta_d))
-                np.testing.assert_array_equal(y, getattr(fit.model, symbol)[:, channel, k])
+    assert [axes.get_title() for axes in figure.axes] == [
+        *(rf"$\kappa$, {name}" for name in ("red", "green", "blue")),
+        r"$\gamma$, all channels",
+        r"$\beta$, all channels",
+        "falloff, all channels",
+    ]
+    theta_d = np.deg2rad(line(figure.axes[0], "lobe 0").get_xdata())
+    at = fit.model.lobes.at(theta_d)
+    expected = [*np.moveaxis(at.kappa, 1, 0), at.gamma, at.beta, at.falloff]
+    for axes, values in zip(figure.axes, expected, strict=True):
+        for k in range(3):
+            np.testing.assert_allclose(line(axes, f"lobe {k}").get_ydata(), values[:, k])
 
 
 def test_demo_figure_has_a_row_a_fit(fit, grey_fit):
     figure = plot.demo_figure([fit, grey_fit], n_pixels=16)
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
     assert texts[::2] == ["gold", "grey"]
-    assert f"3 lobes, error {100 * fit.errors.rel_rms:.2f} %" in texts[1]
+    assert f"3 lobes, {fit.model.n_parameters} numbers\nrel {fit.errors.rel:.3f}" in texts[1]
     pictures = [axes.images[0].get_array() for axes in figure.axes if axes.images]
     # Measured, fitted, and three or two lobes
     assert len(pictures) == 5 + 4
@@ -176,7 +204,7 @@ def test_demo_figure_puts_further_lobes_together(fit, monkeypatch):
 
 @pytest.mark.parametrize(("most", "shown"), [(2, True), (1, False)])
 def test_small_maps_have_names(monkeypatch, most, shown):
-    from dsbrdf.space import plot as maps
+    from dsbrdf.plot import space as maps
 
     monkeypatch.setattr(maps, "MOST_NAMES", most)
     picture, at = np.ones((4, 4, 4)), np.eye(2)
@@ -213,9 +241,9 @@ def test_matplotlib_is_named_where_it_is_missing(monkeypatch):
 
 
 def lambert(albedo):
-    model_at = np.array([0.7])
-    kappa = np.log1p(np.array(albedo) / np.pi).reshape(1, -1, 1)
-    return dsbrdf.DSBRDF(model_at, kappa, np.zeros_like(kappa), np.zeros_like(kappa))
+    scale = np.log(np.log1p(np.array(albedo) / np.pi)).reshape(-1, 1, 1)
+    flat = np.full((1, 1), -40.0)
+    return dsbrdf.DSBRDF(Lobes(np.zeros((1, 1)), flat, np.zeros((1, 1)), np.zeros((1, 1)), scale))
 
 
 def test_a_lambertian_sphere_follows_the_cosines():
@@ -245,7 +273,9 @@ def test_lobes_of_a_sphere_add_up(fit):
 
 
 def test_invalid_cells_are_black(fit):
-    empty = dataclasses.replace(fit.measured, planes=np.full((1, *SHAPE), -1.0), scale=np.ones(1))
+    empty = dataclasses.replace(
+        fit.measured, planes=np.full((1, *SHAPE), -1.0), scale=np.ones(1), channels=()
+    )
     assert not sphere.shade(empty, 16).any()
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dsbrdf.measured import built_in
-from dsbrdf.paper.fit_measured import Fit, fit
+from dsbrdf.fitting import Fit, fit
+from dsbrdf.measured import MeasuredBRDF, built_in
 
 __all__ = ["OVERVIEW", "DemoRow", "run"]
 
@@ -22,6 +22,7 @@ class DemoRow:
     Parameters
     ----------
     fit : Fit
+    measured : MeasuredBRDF
     path : Path
         Where its model was written; its figure, if any, lies beside it.
     albedo : float
@@ -29,21 +30,14 @@ class DemoRow:
     """
 
     fit: Fit
+    measured: MeasuredBRDF
     path: Path
     albedo: float
 
     @property
-    def model_bytes(self) -> int:
-        """Size of the model's numbers, as the table's are counted."""
-        model = self.fit.model
-        return sum(
-            array.nbytes for array in (model.theta_d, model.kappa, model.gamma, model.beta, model.spike)
-        )
-
-    @property
-    def table_bytes(self) -> int:
-        """Size of the table that was fitted."""
-        return self.fit.table.planes.nbytes
+    def n_table(self) -> int:
+        """Numbers of the table that was fitted."""
+        return int(self.measured.planes.size)
 
 
 def run(
@@ -85,12 +79,13 @@ def run(
     rows = []
     for name in built_in.names() if names is None else names:
         step(name)
-        result = fit(built_in.material(name))
+        measured = built_in.material(name)
+        result = fit(measured)
         path = out / f"{name}.json"
         result.model.save(path)
         if plots:
             plot.write_figure(plot.fit_figure(result), out / f"{name}.png")
-        rows.append(DemoRow(result, path, float(result.model.albedo(0.0).mean())))
+        rows.append(DemoRow(result, measured, path, float(result.model.albedo(0.0).mean())))
     if plots and rows:
         step("overview")
         plot.write_figure(plot.demo_figure([row.fit for row in rows]), out / OVERVIEW)

@@ -29,7 +29,7 @@ def view(
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
     """Write a web page that shows models; it opens from disk."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.view import collect
     from dsbrdf.view import view as write_page
 

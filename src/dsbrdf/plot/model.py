@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
+from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import sphere
-from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, LOBE_COLOURS, LOBE_DASHES, LOBE_MARKERS, PALE, STYLE
+from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, LOBE_COLOURS, LOBE_DASHES, STYLE
 
 if TYPE_CHECKING:
-    from dsbrdf.measured.table import MeasuredBRDF
+    from dsbrdf.fitting import Fit
     from dsbrdf.model.dsbrdf import DSBRDF
-    from dsbrdf.paper.fit_measured import Fit
 
 __all__ = ["demo_figure", "fit_figure", "incident_plane", "parameter_figure"]
 
@@ -26,8 +26,11 @@ Array = NDArray[np.float64]
 
 #: Ticks in degrees of an axis on a square-root scale.
 ROOT_TICKS = (-90, -60, -30, -10, 0, 10, 30, 60, 90)
-#: Slices that are shown, radians; the nearest fitted ones are taken.
+#: theta_d that are shown, radians; the nearest measured ones are taken.
 SHOWN_THETA_D = tuple(np.deg2rad([0.0, 40.0, 70.0]))
+#: More channels are shown by so many of them.
+MOST_CHANNELS = 5
+WORDS = {"r": "red", "g": "green", "b": "blue"}
 #: Mean radiance of a measured sphere in its picture, before gamma.
 EXPOSURE = 0.28
 #: Lobes with a sphere each in `demo_figure`; others share one.
@@ -36,10 +39,9 @@ STRIP_THETA_D = float(np.deg2rad(40.0))
 STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
 CAPTION = (
     "Spheres: a distant light at 45° above left, another of 0.15 times its strength on the right; one "
-    "exposure a row, gamma 2.2.\n"
+    "exposure a row, gamma 2.2. Errors over the whole hemisphere.\n"
     "Curves: squares measured, lines fitted; left half $\\phi_d$ = 90°, right half $\\phi_d$ = 0°; degrees, "
-    "square-root scale; shaded: not fitted.\n"
-    "Floors: the least error of any function of ($\\theta_h$, $\\theta_d$), and of one that falls with $\\theta_h$."
+    "square-root scale."
 )
 
 
@@ -77,7 +79,7 @@ def _nearest_phi(values: Array, phi_d: Array, phi: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A slice across the plane of incidence, `theta_h` in degrees, negative in the plane phi_d = 90."""
+    """A theta_d across the plane of incidence, `theta_h` in degrees, negative in the plane phi_d = 90."""
 
     theta_d: float
     theta_h: Array
@@ -87,15 +89,23 @@ class _Plane:
     parts: dict[str, Array]
 
 
+def _table(fit: Fit) -> MeasuredBRDF:
+    if not isinstance(fit.measured, MeasuredBRDF):
+        raise TypeError(
+            f"{fit.model.name or 'the fit'}: figures of fits show tables, got scattered samples. "
+            "plot.parameter_figure(model) shows the model."
+        )
+    return fit.measured
+
+
 def _plane(fit: Fit, row: int, n: int = 301) -> _Plane:
-    theta_d = float(fit.table.theta_d[row])
-    theta_h, values = incident_plane(fit.table, row)
+    measured, model = _table(fit), fit.model
+    theta_d = float(measured.theta_d[row])
+    theta_h, values = incident_plane(measured, row)
     curve_at = np.pi / 2 * np.linspace(0.0, 1.0, n) ** 2
-    model, both = fit.model, np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
+    both = np.rad2deg(np.concatenate([-curve_at[::-1], curve_at]))
     curves = _curve(model, curve_at, theta_d)
     parts = {f"lobe {k}": _curve(model.lobe(k), curve_at, theta_d) for k in range(model.n_lobes)}
-    if np.asarray(model.spike).any():
-        parts["delta"] = np.maximum(curves - sum(parts.values()), 0.0)
     return _Plane(theta_d, np.rad2deg(theta_h), values, both, curves, parts)
 
 
@@ -106,19 +116,26 @@ def _curve(model: DSBRDF, theta_h: Array, theta_d: float) -> Array:
     return np.concatenate([across[:, ::-1], along], axis=1)
 
 
-def _shown_rows(fit: Fit, theta_d: Sequence[float]) -> list[int]:
-    """The table's rows of the fitted slices nearest to `theta_d`, each once."""
-    angles = fit.model.theta_d
-    nearest = [angles[np.abs(angles - angle).argmin()] for angle in theta_d]
-    return list(dict.fromkeys(int(np.abs(fit.table.theta_d - angle).argmin()) for angle in nearest))
+def _shown_rows(measured: MeasuredBRDF, theta_d: Sequence[float]) -> list[int]:
+    """The table's rows nearest to `theta_d`, each once."""
+    return list(dict.fromkeys(int(np.abs(measured.theta_d - angle).argmin()) for angle in theta_d))
 
 
-def _channels(n: int) -> list[tuple[str, Any]]:
-    """Name and colour of each channel."""
-    if n == 3:
-        return list(zip(("red", "green", "blue"), CHANNEL_COLOURS, strict=True))
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, n))
-    return [(f"channel {i}", colour) for i, colour in enumerate(colours)]
+def _channels(model: DSBRDF) -> list[tuple[int, str, Any]]:
+    """Number, name and colour of each channel that is shown: all, or a few of many."""
+    n = model.n_channels
+    if tuple(model.channels) == tuple(WORDS):
+        return list(zip(range(n), WORDS.values(), CHANNEL_COLOURS, strict=True))
+    shown = np.unique(np.linspace(0, n - 1, min(n, MOST_CHANNELS)).round().astype(int)).tolist()
+    if n == 1:
+        return [(0, model.channels[0], INK)]
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(shown)))
+    return [(c, _channel_name(model, c), colour) for c, colour in zip(shown, colours, strict=True)]
+
+
+def _channel_name(model: DSBRDF, channel: int) -> str:
+    name = model.channels[channel]
+    return WORDS.get(name, name) if tuple(model.channels) == tuple(WORDS) else name
 
 
 def _root_axis(axes: Any, ticks: Sequence[int] = ROOT_TICKS) -> None:
@@ -153,38 +170,45 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     Parameters
     ----------
     fit : Fit
+        Of a table.
     theta_d : sequence of float, radians, optional
-        One column each, of the fitted slice nearest to it.
+        One column each, of the measured theta_d nearest to it.
     channel : int, optional
         The one whose lobes are shown; the brightest by default.
 
     Returns
     -------
     Figure
-        Rows: all channels on a linear and on a logarithmic axis; the lobes of one channel.
+        Rows: all channels (a few, of many) on a linear and on a logarithmic axis; the lobes of one channel.
+
+    Raises
+    ------
+    TypeError
+        If scattered samples were fitted.
     """
-    rows = _shown_rows(fit, theta_d)
-    chosen = int(fit.errors.energy.sum(0).argmax()) if channel is None else channel
+    rows = _shown_rows(_table(fit), theta_d)
+    chosen = int(fit.model.albedo(STRIP_THETA_D).argmax()) if channel is None else channel
     with matplotlib.rc_context(STYLE):
-        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.75, bottom=0.55)
+        # A single column has no room for long lines
+        join, room = ("; ", 0.0) if len(rows) > 1 else ("\n", 0.2)
+        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.75 + room, bottom=0.55 + room)
         for column, row in zip(grid.T, rows, strict=True):
             plane = _plane(fit, row)
-            _draw_channels(column[0], plane)
-            _draw_channels(column[1], plane)
+            for axes in column[:2]:
+                _draw_channels(axes, plane, _channels(fit.model))
             _draw_lobes(column[2], plane, chosen)
-            _finish_column(column, fit, plane)
-        labels = ("linear", "logarithmic", f"lobes of {_channels(fit.model.n_channels)[chosen][0]}")
+            _finish_column(column, plane)
+        labels = ("linear", "logarithmic", f"lobes of {_channel_name(fit.model, chosen)}")
         for axes, label in zip(grid[:, 0], labels, strict=True):
             axes.set_ylabel(f"BRDF (1/sr), {label}")
         for axes in grid[(0, 2), -1]:
             axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
         figure.align_ylabels(grid[:, 0])
         figure.supxlabel(
-            r"$\theta_h$ (degrees, square-root scale); left half $\phi_d$ = 90°, right half $\phi_d$ = 0°; "
-            "shaded: not fitted",
+            rf"$\theta_h$ (degrees, square-root scale){join}left half $\phi_d$ = 90°, right half $\phi_d$ = 0°",
             fontsize=9,
         )
-        figure.suptitle(_headline(fit), fontsize=10)
+        figure.suptitle(_headline(fit, join), fontsize=10)
     return figure
 
 
@@ -199,19 +223,31 @@ def _grid(n_rows: int, n_columns: int, **margins: float) -> tuple[Figure, NDArra
     return figure, figure.subplots(n_rows, n_columns, squeeze=False)
 
 
-def _headline(fit: Fit) -> str:
+def _headline(fit: Fit, join: str) -> str:
     errors = fit.errors
-    names = ("bivariate", "monotone", "azimuthal")
-    floors = ", ".join(f"{name} {100 * getattr(errors, f'{name}_floor'):.2f} %" for name in names)
-    title = f"{fit.model.name}: {fit.model.n_lobes} lobes, relative RMS error {100 * errors.rel_rms:.2f} %"
-    return f"{title}\nfloors: {floors}"
+    told = ", ".join(_told(errors.summary(), ("rel", "cbrt", "log", "albedo")))
+    floors = ", ".join(_told(errors.summary(), ("bivariate_floor", "azimuthal_floor")))
+    title = f"{fit.model.name}: {_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
+    return f"{title}\n{told}{join}{floors}" if floors else f"{title}\n{told}"
 
 
-def _draw_channels(axes: Any, plane: _Plane, size: float = 3.2) -> None:
-    channels = _channels(len(plane.values))
-    for (name, colour), value, curve in zip(channels, plane.values, plane.curves, strict=True):
-        axes.plot(plane.curve_at, curve, color=colour, label=f"{name}, fitted", zorder=3)
-        axes.plot(plane.theta_h[::3], value[::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2)
+def _told(errors: dict[str, float], keys: Sequence[str]) -> list[str]:
+    finite = {key: errors[key] for key in keys if np.isfinite(errors[key])}
+    return [f"{key.replace('_', ' ')} {value:.3f}" for key, value in finite.items()]
+
+
+def _count(n: int, word: str) -> str:
+    return f"{n} {word}{'s' * (n != 1)}"
+
+
+def _draw_channels(
+    axes: Any, plane: _Plane, channels: Sequence[tuple[int, str, Any]], size: float = 3.2
+) -> None:
+    for c, name, colour in channels:
+        axes.plot(plane.curve_at, plane.curves[c], color=colour, label=f"{name}, fitted", zorder=3)
+        axes.plot(
+            plane.theta_h[::3], plane.values[c, ::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2
+        )
     axes.plot([], "s", ms=size, mfc="white", mec=GREY, mew=0.8, label="measured")
 
 
@@ -219,11 +255,14 @@ def _draw_lobes(axes: Any, plane: _Plane, channel: int) -> None:
     axes.plot(plane.theta_h[::3], plane.values[channel, ::3], "o", ms=2.8, color=GREY, label="measured")
     axes.plot(plane.curve_at, plane.curves[channel], color="black", label="fitted", zorder=3)
     for k, (name, part) in enumerate(plane.parts.items()):
-        colour, dash = LOBE_COLOURS[k % len(LOBE_COLOURS)], LOBE_DASHES[k % len(LOBE_DASHES)]
-        axes.plot(plane.curve_at, part[channel], color=colour, ls=dash, lw=2.0, label=name, zorder=4)
+        axes.plot(plane.curve_at, part[channel], lw=2.0, label=name, zorder=4, **_lobe_style(k))
 
 
-def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
+def _lobe_style(k: int) -> dict[str, Any]:
+    return {"color": LOBE_COLOURS[k % len(LOBE_COLOURS)], "ls": LOBE_DASHES[k % len(LOBE_DASHES)]}
+
+
+def _finish_column(column: Any, plane: _Plane) -> None:
     top = np.nanmax(plane.values) if np.isfinite(plane.values).any() else 1.0
     column[0].set_title(rf"$\theta_d$ = {np.rad2deg(plane.theta_d):.1f}°")
     column[0].set_ylim(0.0, 1.08 * top)
@@ -231,77 +270,74 @@ def _finish_column(column: Any, fit: Fit, plane: _Plane) -> None:
     _decades(column[2], plane.values)
     for axes in column:
         _root_axis(axes)
-        _shade_unfitted(axes, fit, plane.theta_d)
         axes.grid(True)
     for axes in column[:2]:
         axes.tick_params(labelbottom=False)
 
 
-def _shade_unfitted(axes: Any, fit: Fit, theta_d: float) -> None:
-    low = float(np.rad2deg(fit.options["min_theta_h"]))
-    axes.axvspan(-low, low, color=PALE, lw=0, zorder=0)
-    if fit.options["perimeter_mask"]:
-        limit = 90.0 - float(np.rad2deg(theta_d))
-        for side in (-1, 1):
-            axes.axvspan(side * limit, side * 90.0, color=PALE, lw=0, zorder=0)
-
-
-def parameter_figure(model: DSBRDF) -> Figure:
-    """Kappa, gamma and beta of each lobe over theta_d, one column a channel."""
-    n = model.n_channels
+def parameter_figure(model: DSBRDF, n: int = 181) -> Figure:
+    """Kappa of each channel (a few, of many) and gamma, beta and falloff of each lobe over theta_d."""
+    theta_d = np.linspace(0.0, np.pi / 2, n)
+    at = model.lobes.at(theta_d)
+    shown = _channels(model)
+    drawn: list[tuple[str, Array, Callable[[Any, Array], None]]] = [
+        *((rf"$\kappa$, {name}", at.kappa[:, c], _kappa_axis) for c, name, _ in shown),
+        (r"$\gamma$, all channels", at.gamma, _gamma_axis),
+        (r"$\beta$, all channels", at.beta, _linear_axis),
+        ("falloff, all channels", at.falloff, _linear_axis),
+    ]
+    n_columns = min(len(drawn), 3)
     with matplotlib.rc_context(STYLE):
-        figure, grid = _grid(3, n, left=0.75, right=0.95, top=0.65, bottom=0.55)
-        for row, symbol in zip(grid, ("kappa", "gamma", "beta"), strict=True):
-            values = np.asarray(getattr(model, symbol))
-            for c, axes in enumerate(row):
-                _draw_parameters(axes, np.rad2deg(model.theta_d), values[:, c])
-                _parameter_axis(axes, symbol, values)
-                axes.tick_params(labelleft=c == 0, labelbottom=symbol == "beta")
-            row[0].set_ylabel(rf"$\{symbol}$")
-        figure.align_ylabels(grid[:, 0])
-        for axes, (name, colour) in zip(grid[0], _channels(n), strict=True):
-            axes.set_title(name, color=colour)
-        for axes in grid[-1]:
+        figure, grid = _grid(
+            -(-len(drawn) // n_columns), n_columns, left=0.55, right=0.95, top=0.75, bottom=0.55
+        )
+        figure.subplots_adjust(wspace=0.28, hspace=0.4)
+        all_kappa = at.kappa[:, [c for c, _, _ in shown]]
+        for axes, (title, values, finish) in zip(grid.ravel(), drawn, strict=False):
+            for k, curve in enumerate(values.T):
+                axes.plot(np.rad2deg(theta_d), curve, label=f"lobe {k}", **_lobe_style(k))
+            finish(axes, all_kappa if finish is _kappa_axis else values)
+            axes.set_xlim(0.0, 90.0)
+            axes.set_xticks(range(0, 91, 15))
+            axes.set_title(title)
+            axes.grid(True)
+        for axes in grid.ravel()[len(drawn) :]:
+            axes.remove()
+        for axes in grid.ravel()[max(len(drawn) - n_columns, 0) : len(drawn)]:
             axes.set_xlabel(r"$\theta_d$ (degrees)")
         grid[0, -1].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
-        figure.suptitle(f"{model.name}: parameters of the lobes", fontsize=10)
+        figure.suptitle(
+            f"{model.name}: {_count(model.n_lobes, 'lobe')}, {model.n_parameters} numbers", fontsize=10
+        )
     return figure
 
 
-def _draw_parameters(axes: Any, theta_d: Array, values: Array) -> None:
-    for k, curve in enumerate(values.T):
-        colour, marker = LOBE_COLOURS[k % len(LOBE_COLOURS)], LOBE_MARKERS[k % len(LOBE_MARKERS)]
-        axes.plot(theta_d, curve, marker=marker, ms=4.0, color=colour, label=f"lobe {k}")
-    axes.set_xlim(0.0, 90.0)
-    axes.set_xticks(range(0, 91, 15))
-    axes.grid(True)
-
-
-def _parameter_axis(axes: Any, symbol: str, values: Array) -> None:
+def _kappa_axis(axes: Any, values: Array) -> None:
     top = float(values.max())
-    if symbol == "kappa":
-        _log_axis(axes, max(0.7 * float(values.min()), 1e-6 * top), 1.7 * top)
-    elif symbol == "gamma":
-        axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_yticks([0, *(10**i for i in range(10) if 10**i <= max(top, 1.0))])
-        axes.set_ylim(-0.1, 1.7 * max(top, 1.0))
-    else:
-        axes.set_ylim(-1.08, 1.08)
+    _log_axis(axes, max(0.7 * float(values.min()), 1e-6 * top), 1.7 * top)
+
+
+def _gamma_axis(axes: Any, values: Array) -> None:
+    _log_axis(axes, max(0.7 * float(values.min()), 1e-2), 1.7 * max(float(values.max()), 1.0))
+
+
+def _linear_axis(axes: Any, values: Array) -> None:
+    axes.set_ylim(1.08 * min(-1.0, float(values.min())), 1.08 * max(1.0, float(values.max())))
 
 
 def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
-    """Materials at a glance: spheres measured, fitted and by lobe, as in Fig. 7, and one slice of each.
+    """Materials at a glance: spheres measured, fitted and by lobe, as in Fig. 7, and one theta_d of each.
 
     Parameters
     ----------
     fits : sequence of Fit
-        One row each.
+        One row each, of a table.
     n_pixels : int, optional
         Width of a sphere.
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
     lobes = [f"lobe {k}" for k in range(min(n_lobes, SHOWN_LOBES))] + ["others"] * (n_lobes > SHOWN_LOBES)
-    widths = [1.32, *[1.0] * (2 + len(lobes)), 0.4, 2.2]
+    widths = [1.45, *[1.0] * (2 + len(lobes)), 0.4, 2.2]
     width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.0
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
@@ -323,17 +359,17 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
 def _label(axes: Any, fit: Fit) -> None:
     errors = fit.errors
     axes.axis("off")
-    axes.text(0.0, 0.6, fit.model.name, weight="bold", fontsize=8.5)
-    error, *floors = (100 * x for x in (errors.rel_rms, errors.bivariate_floor, errors.monotone_floor))
-    lobes = f"{fit.model.n_lobes} lobe{'s' * (fit.model.n_lobes > 1)}"
-    text = f"{lobes}, error {error:.2f} %\nfloors {floors[0]:.2f}, {floors[1]:.2f} %"
-    axes.text(0.0, 0.5, text, fontsize=7.5, va="top", linespacing=1.4)
+    axes.text(0.0, 0.62, fit.model.name, weight="bold", fontsize=8.5)
+    text = f"{_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
+    text += f"\nrel {errors.rel:.3f}, log {errors.log:.3f}"
+    text += f"\ncbrt {errors.cbrt:.3f}, albedo {errors.albedo:.3f}"
+    axes.text(0.0, 0.54, text, fontsize=7.5, va="top", linespacing=1.4)
 
 
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     for axes in row:
         axes.axis("off")
-    measured, fitted = (sphere.shade(shown, n_pixels) for shown in (fit.table, fit.model))
+    measured, fitted = (sphere.shade(shown, n_pixels) for shown in (_table(fit), fit.model))
     lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
     brightest = measured.max(-1)
     exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
@@ -343,11 +379,10 @@ def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
 
 
 def _draw_strip(axes: Any, fit: Fit, *, last: bool) -> None:
-    (row,) = _shown_rows(fit, [STRIP_THETA_D])
+    (row,) = _shown_rows(_table(fit), [STRIP_THETA_D])
     plane = _plane(fit, row)
-    _draw_channels(axes, plane, size=2.8)
+    _draw_channels(axes, plane, _channels(fit.model), size=2.8)
     _decades(axes, plane.values)
     _root_axis(axes, (-90, -30, -10, 0, 10, 30, 90))
-    _shade_unfitted(axes, fit, plane.theta_d)
     axes.grid(True)
     axes.tick_params(labelsize=7.5, labelbottom=last)

@@ -96,8 +96,8 @@ def _pack_material(
 def rgb_channels(names: Sequence[str]) -> list[int]:
     """Which channels are shown as red, green and blue.
 
-    Those three, where there are three; of wavelengths in nm those nearest to what looks so; else the last, the middle and
-    the first one.
+    Those three, where there are three; of wavelengths in nm those nearest to what looks so; else the last, the middle
+    and the first one.
     """
     n = len(names)
     if n == len(RGB_NM):
