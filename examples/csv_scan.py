@@ -40,7 +40,7 @@ def main():
     samples = dsbrdf.read(path)  # or dsbrdf.read_samples(path, columns=[...]) without a header
     fit = dsbrdf.fit(samples)
     print(samples)
-    print(f"{fit.model}, relative RMS {fit.errors.rel_rms:.3f}")
+    print(f"{fit.model}, {fit.errors}")
     fit.model.save(path.with_suffix(".json"))
 
 
