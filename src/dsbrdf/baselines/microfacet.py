@@ -238,6 +238,7 @@ def _fit(
                 start,
                 search.jacobian,
                 bounds=bounds,
+                method="dogbox",
                 x_scale="jac",
                 ftol=TOLERANCE,
                 xtol=TOLERANCE,

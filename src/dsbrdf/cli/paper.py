@@ -26,7 +26,7 @@ def paper_figures(
 ) -> None:
     """Make the figures of Nishino and Lombardi (2011), and put their claims beside our numbers."""
     from dsbrdf import paper
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
 
     check_folder(out)
     state: State = context.obj

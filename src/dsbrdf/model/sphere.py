@@ -23,7 +23,7 @@ def shade(reflectance: DSBRDF | MeasuredBRDF, n_pixels: int = 128) -> Array:
 
     Parameters
     ----------
-    reflectance : DSBRDF or MeasuredBRDF
+    reflectance : MeasuredBRDF, DSBRDF, or another model with `eval` and `n_channels`
         Of a table, the cell that holds the angles is taken.
     n_pixels : int, optional
         Width and height.
@@ -41,7 +41,8 @@ def shade(reflectance: DSBRDF | MeasuredBRDF, n_pixels: int = 128) -> Array:
     for toward, irradiance in LIGHTS:
         light = np.array(toward) / np.linalg.norm(toward)
         wi = _local(normal, light)
-        value = reflectance.eval(wi, wo) if isinstance(reflectance, DSBRDF) else _look_up(reflectance, wi, wo)
+        table = isinstance(reflectance, MeasuredBRDF)
+        value = _look_up(reflectance, wi, wo) if table else reflectance.eval(wi, wo)
         image[inside] += irradiance * np.maximum(wi[:, 2:], 0.0) * value
     return image
 

@@ -1,11 +1,13 @@
-"""The paper's experiment, to the letter, and its figures and claims on any set of materials.
+"""The paper's experiment, to the letter, and its figures and claims on any set of materials; nothing else depends on it.
 
-First the method: `collapse` reduces a table to slices, `curves` holds parameters as splines over theta_d, `metrics`
-measures errors, `spike` is the delta term, `fit_slices` fits lobes to slices, `williams` and `selection` choose their
-number, and `fit_report` and `fit_measured` put these together to `fit`. Then what `dsbrdf paper` runs: `run` makes the
-figures as the paper draws them, a table of all materials, and a report that puts each claim beside our number, from
-`tables`, `profiles`, `survey`, `accuracy`, `subsampling`, `spheres`, `spaces`, `claims` and `report`. Figures need the
-extra `[plot]`; Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
+`fit_slices` fits a table as the paper does and gives a `SliceFit` with a model of `Slices`. Read the method first:
+`collapse` reduces a table to slices, `slices` is the model and `evaluation` its values, `curves` holds parameters as splines
+over theta_d, `metrics` measures errors, `spike` is the delta term, `slice_fit` fits lobes to slices, `williams` and
+`selection` choose their number, and `fit` and `fit_report` put these together; `baselines` are the paper's competitors,
+`space` and `correspondence` its space of materials. Then what `dsbrdf paper` runs: `run` makes the figures as the paper
+draws them, a table of all materials, and a report that puts each claim beside our number, from `tables`, `profiles`,
+`planes`, `survey`, `accuracy`, `subsampling`, `spheres`, `maps`, `claims` and `report`. Figures need the extra `[plot]`;
+Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
 """
 
 from __future__ import annotations
@@ -14,12 +16,35 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dsbrdf.paper.collapse import SliceProfile, slice_profiles
+from dsbrdf.paper.curves import CurveBasis, Curves
+from dsbrdf.paper.fit import fit_slices
+from dsbrdf.paper.fit_report import SliceFit
+from dsbrdf.paper.selection import LobeSelection, select_lobes
+from dsbrdf.paper.slice_fit import ConvergenceWarning, FitStatus
+from dsbrdf.paper.slices import Slices
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dsbrdf.paper.tables import Tables
 
-__all__ = ["WHAT", "n_steps", "run"]
+__all__ = [
+    "WHAT",
+    "ConvergenceWarning",
+    "CurveBasis",
+    "Curves",
+    "FitStatus",
+    "LobeSelection",
+    "SliceFit",
+    "SliceProfile",
+    "Slices",
+    "fit_slices",
+    "n_steps",
+    "run",
+    "select_lobes",
+    "slice_profiles",
+]
 
 #: What there is to make.
 WHAT = (
@@ -94,7 +119,7 @@ def _open(what: str, data: Path | None) -> Tables:
 
 
 def _run(what: str, tables: Tables, out: Path, progress: Callable[[str], None]) -> list[Path]:
-    from dsbrdf.paper import accuracy, claims, profiles, report, spaces, spheres, subsampling, survey
+    from dsbrdf.paper import accuracy, claims, profiles, report, spheres, subsampling, survey
 
     if what != "table":
         from dsbrdf import plot
@@ -131,9 +156,9 @@ def _run(what: str, tables: Tables, out: Path, progress: Callable[[str], None]) 
         if wanted(name):
             plot.write_figure(draw(tables, progress), keep(f"{name}.png"))
     if wanted("fig9", "fig10"):
-        from dsbrdf.space import plot as maps
+        from dsbrdf.paper import maps
 
-        space = spaces.paper_space(tables, progress)
+        space = maps.paper_space(tables, progress)
         for name, draw_map in {"fig9": maps.lobe_map, "fig10": maps.material_map}.items():
             if wanted(name):
                 plot.write_figure(draw_map(space), keep(f"{name}.png"))

@@ -149,6 +149,7 @@ def _model_of(
         fit_options=options,
         errors=errors.summary(),
         profile=MeasuredProfile.of(*stack_profiles(profiles)),
+        channels=measured.channels,
     )
     return model, errors
 

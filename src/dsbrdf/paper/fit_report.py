@@ -34,8 +34,7 @@ class SliceFit:
         Time of the collapse, the choice of lobes and the fit.
     selection : LobeSelection or None
         Why there are so many lobes, if that was chosen.
-    table : MeasuredBRDF
-        What was measured.
+    measured : MeasuredBRDF
     options : dict
     """
 
@@ -45,7 +44,7 @@ class SliceFit:
     profiles: Sequence[SliceProfile]
     seconds: float
     selection: LobeSelection | None
-    table: MeasuredBRDF = field(repr=False)
+    measured: MeasuredBRDF = field(repr=False)
     options: dict[str, Any] = field(repr=False)
 
     @cached_property
@@ -54,9 +53,9 @@ class SliceFit:
         theta_d, theta_h, _ = stack_profiles(self.profiles)
         model = self.model
         a, b = metrics.profile_model(theta_h, theta_d, model.kappa, model.gamma, model.beta)
-        rows = slice_rows(len(self.table.theta_d), len(self.profiles))
+        rows = slice_rows(len(self.measured.theta_d), len(self.profiles))
         masks = {key: self.options[key] for key in ("min_theta_h", "perimeter_mask", "theta_h_step")}
-        return metrics.log_rms(self.table, rows, a, b, **masks)
+        return metrics.log_rms(self.measured, rows, a, b, **masks)
 
     def summary(self) -> dict[str, Any]:
         """Numbers that tell how good the fit is, ready for JSON."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsbrdf.model import hemi_epd
-from dsbrdf.paper.fit_measured import Fit
+from dsbrdf.paper.fit_report import SliceFit
 from dsbrdf.paper.tables import Tables, paper_fit
 
 if TYPE_CHECKING:
@@ -74,14 +74,15 @@ def lobe_profiles(tables: Tables) -> Figure:
     import matplotlib
 
     from dsbrdf import plot
+    from dsbrdf.paper.planes import plane_of
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG2, len(FIG2))]
     with matplotlib.rc_context(plot.STYLE):
         figure, grid = plot.model._grid(2, len(fits), left=0.75, right=1.35, top=0.45, bottom=0.55)
         for column, fit in zip(grid.T, fits, strict=True):
             channel = int(fit.errors.energy[0].argmax())
-            plane = plot.model._plane(fit, 0)
-            plot.model._draw_channels(column[0], plane)
+            plane = plane_of(fit, 0)
+            plot.model._draw_channels(column[0], plane, plot.model._channels(fit.model))
             plot.model._draw_lobes(column[1], plane, channel)
             column[0].set_title(f"{fit.model.name}, error {_slice_error(fit, 0)}")
             for axes in column:
@@ -100,16 +101,17 @@ def slice_profiles(tables: Tables) -> Figure:
     import matplotlib
 
     from dsbrdf import plot
+    from dsbrdf.paper.planes import plane_of, shown_rows
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG3, len(FIG3))]
     with matplotlib.rc_context(plot.STYLE):
         figure, grid = plot.model._grid(len(fits), len(THETA_D), left=0.75, right=1.35, top=0.45, bottom=0.55)
         figure.subplots_adjust(hspace=0.28)
         for row, fit in zip(grid, fits, strict=True):
-            shown = plot.model._shown_rows(fit, [float(angle) for angle in np.deg2rad(THETA_D)])
+            shown = shown_rows(fit, np.deg2rad(THETA_D))
             for axes, index in zip(row, shown, strict=False):
-                plane = plot.model._plane(fit, index)
-                plot.model._draw_channels(axes, plane)
+                plane = plane_of(fit, index)
+                plot.model._draw_channels(axes, plane, plot.model._channels(fit.model))
                 _finish(axes, fit, plane)
                 nearest = int(np.abs(fit.model.theta_d - plane.theta_d).argmin())
                 axes.set_title(
@@ -119,18 +121,19 @@ def slice_profiles(tables: Tables) -> Figure:
     return figure
 
 
-def _slice_error(fit: Fit, index: int) -> str:
+def _slice_error(fit: SliceFit, index: int) -> str:
     errors = fit.errors
     energy = float(errors.energy[index].sum())
     return f"{100 * np.sqrt(errors.squares[index].sum() / energy):.1f} %" if energy > 0.0 else "unknown"
 
 
-def _finish(axes: Any, fit: Fit, plane: Any) -> None:
+def _finish(axes: Any, fit: SliceFit, plane: Any) -> None:
     from dsbrdf import plot
+    from dsbrdf.paper.planes import shade_unfitted
 
     plot.model._decades(axes, plane.values[np.isfinite(plane.values)])
     plot.model._root_axis(axes)
-    plot.model._shade_unfitted(axes, fit, plane.theta_d)
+    shade_unfitted(axes, fit, plane.theta_d)
     axes.grid(True)
 
 

@@ -23,7 +23,8 @@ CAPTIONS = {
     "fig5": "Relative RMS error of every material, sorted, with the number of lobes from Williams' test.",
     "fig4": "Spheres, measured and with one to five lobes; below, maps of CIEDE2000 from the measured one.",
     "spheres": "Fig. 5: spheres with the lobes that Williams' test chooses, and measured; numbers: mean CIEDE2000.",
-    "fig7": "Spheres: measured, Lambert with two Torrance-Sparrow lobes, three lobes, and each of these alone.",
+    "fig7": "Spheres: measured, Lambert with two Torrance-Sparrow lobes, the same in the form of today's renderers "
+    "(GGX, with Fresnel terms), three lobes, and each of these alone.",
     "fig8": "Spheres, profiles at theta_d = 0 and lobes of one material with three lobes.",
     "fig9": "Lobes of all materials on the first two bivariate principal functions of their curves, as spheres.",
     "fig10": "Materials on the first two principal functions of all their curves, as spheres.",
@@ -34,7 +35,9 @@ CAPTIONS = {
 _INTRODUCTION = (
     "Claims of Nishino and Lombardi (JOSA A 28(1), 8-18, 2011) beside our numbers. Errors are relative RMS over "
     "all samples of 18 slices with theta_h of at least one degree, inside the perimeter mask. The paper's model "
-    "has no azimuthal term and lobes in the order of kappa; its lobes are counted by Williams' test at 1 %."
+    "has no azimuthal term and lobes in the order of kappa; its lobes are counted by Williams' test at 1 %. Lambert + 2 GGX "
+    "and `dsbrdf.fit` are fitted to the whole hemisphere, by logarithms; `cbrt` is the error of the cube root there, which "
+    "no model but these was made for."
 )
 
 
@@ -46,13 +49,18 @@ def summary(rows: Sequence[Row]) -> str:
         "rel_rms": "the paper's model, lobes chosen",
         "with_term": "the same with the azimuthal term",
         "em": "the paper's model by EM alone",
-        "torrance_sparrow": "Lambert + 2 Torrance-Sparrow",
+        "torrance_sparrow": "Lambert + 2 Torrance-Sparrow, 15 numbers",
+        "ggx_pair": "Lambert + 2 GGX, 13 numbers, fitted to the whole hemisphere",
+        "fit": "`dsbrdf.fit`, fitted to the whole hemisphere",
         "bivariate_floor": "bivariate floor",
         "monotone_floor": "monotone floor",
         "azimuthal_floor": "azimuthal floor",
+        "cbrt": "cube root, whole hemisphere: the paper's model",
+        "ggx_pair_cbrt": "cube root, whole hemisphere: Lambert + 2 GGX",
+        "fit_cbrt": "cube root, whole hemisphere: `dsbrdf.fit`",
     }
     lines = [
-        "| relative RMS error | median | lower quartile | upper quartile | largest |",
+        "| error | median | lower quartile | upper quartile | largest |",
         "|---|---|---|---|---|",
     ]
     for key, name in names.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.measured.table import tabulate as tabulate_reflectance
 from dsbrdf.model import hemi_epd
+from dsbrdf.model.dsbrdf import channel_names
 from dsbrdf.paper import evaluation
 
 if TYPE_CHECKING:
@@ -57,11 +58,13 @@ class Slices:
         Summary of what was fitted, for plots.
     curves : Curves, optional
         The splines that the parameters are tabulated from, if they are (see `to_curves`).
+    channels : sequence of str, optional
+        Names of the channels; r, g, b for three, value for one, by default.
 
     Raises
     ------
     ValueError
-        If shapes disagree or a value is out of range.
+        If shapes disagree, a value is out of range, or there is not a name for each channel.
     """
 
     theta_d: NDArray[np.float64]
@@ -75,6 +78,7 @@ class Slices:
     errors: Mapping[str, float] = field(default_factory=dict)
     profile: MeasuredProfile | None = None
     curves: Curves | None = None
+    channels: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         theta_d = _check.angle(self.theta_d, "theta_d")
@@ -100,6 +104,7 @@ class Slices:
         if spike.shape != shape:
             raise ValueError(f"'spike' must have shape (theta_d, channel) {shape}, got {spike.shape}.")
         object.__setattr__(self, "spike", np.ascontiguousarray(spike))
+        object.__setattr__(self, "channels", channel_names(self.channels, self.n_channels))
 
     @property
     def n_channels(self) -> int:
@@ -195,7 +200,7 @@ class Slices:
         from dsbrdf.paper.curves import Curves
 
         curves = Curves.of(self, basis, logarithmic=logarithmic)
-        kept = {key: getattr(self, key) for key in ("name", "source", "fit_options", "profile")}
+        kept = {key: getattr(self, key) for key in ("name", "source", "fit_options", "profile", "channels")}
         return curves.model(**kept)
 
     def tabulate(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,9 @@ from dsbrdf.paper.tables import Tables, paper_fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dsbrdf.paper.fit_measured import Fit
+    from dsbrdf.measured.table import MeasuredBRDF
+    from dsbrdf.paper.fit_report import SliceFit
+    from dsbrdf.paper.slices import Slices
     from dsbrdf.render.comparison import Subject
     from dsbrdf.render.picture import Row
 
@@ -26,6 +30,9 @@ FIG7 = ("nickel", "alum-bronze", "specular-blue-phenolic", "orange-paint")
 FIG8 = ("delrin",)
 #: Lobes in Fig. 4 at most, and in Figs. 7 and 8; materials in the gallery of Fig. 5.
 MAX_LOBES, N_LOBES, N_GALLERY = 5, 3, 8
+#: Least squares over all theta_d follow the few bright grazing samples, and Torrance-Sparrow lobes get white all over;
+#: the paper limited them too (Section 6.B).
+MAX_THETA_D = math.radians(60.0)
 #: Pixels along a side, and samples a pixel.
 SIZE, SPP = 160, 100
 
@@ -35,7 +42,7 @@ def n_renders(n: int) -> dict[str, int]:
     return {
         "fig4": min(n, len(FIG4)) * (1 + MAX_LOBES),
         "spheres": min(n, N_GALLERY) * 2,
-        "fig7": min(n, len(FIG7)) * (3 + N_LOBES),
+        "fig7": min(n, len(FIG7)) * (4 + N_LOBES),
         "fig8": 2 + N_LOBES,
     }
 
@@ -70,17 +77,17 @@ def gallery(tables: Tables, step: Step) -> Figure:
 
 
 def lobes_alone(tables: Tables, step: Step) -> Figure:
-    """Fig. 7: measured, Lambert with two Torrance-Sparrow lobes, three lobes, each lobe alone."""
+    """Fig. 7: measured, Lambert with two Torrance-Sparrow lobes in two forms, three lobes, each lobe alone."""
     from dsbrdf.render import picture
-    from dsbrdf.render.comparison import Subject, conventional, model_subjects
+    from dsbrdf.render.comparison import Subject
 
     rows = []
     for name in tables.pick(FIG7, len(FIG7)):
         measured = tables.load(name)
         model = paper_fit(measured, N_LOBES).model
-        subjects = [Subject("measured", measured), conventional(measured)]
-        rows.append(_row(name, subjects + model_subjects(model, lobes=True), step))
-    note = "Lambert + Torrance-Sparrow is fitted up to theta_d = 60 degrees, as in the paper."
+        rows.append(_row(name, [Subject("measured", measured), *conventional(measured), *_subjects(model)], step))
+    note = "Lambert + Torrance-Sparrow is fitted up to theta_d = 60 degrees, as in the paper; Lambert + 2 GGX has "
+    note += "Fresnel terms and is fitted to all, by logarithms."
     return picture.sheet(rows, note=note)
 
 
@@ -90,12 +97,12 @@ def delrin(tables: Tables, step: Step) -> Figure:
     from matplotlib.figure import Figure
 
     from dsbrdf import plot
-    from dsbrdf.render.comparison import Subject, model_subjects
+    from dsbrdf.render.comparison import Subject
 
     (name,) = tables.pick(FIG8, 1)
     measured = tables.load(name)
     fit = paper_fit(measured, N_LOBES)
-    row = _row(name, [Subject("measured", measured), *model_subjects(fit.model, lobes=True)], step)
+    row = _row(name, [Subject("measured", measured), *_subjects(fit.model)], step)
     with matplotlib.rc_context(plot.STYLE):
         figure = Figure(figsize=(10.2, 5.0))
         grid = figure.add_gridspec(
@@ -109,13 +116,36 @@ def delrin(tables: Tables, step: Step) -> Figure:
     return figure
 
 
-def _profiles(figure: Figure, grid: Any, fit: Fit) -> None:
+def conventional(measured: MeasuredBRDF) -> list[Subject]:
+    """Lambert with two lobes: Torrance and Sparrow's, fitted as in the paper, and those of today's renderers."""
+    from dsbrdf.baselines import fit_ggx_pair
+    from dsbrdf.paper.baselines import fit_lambert_torrance_sparrow
+    from dsbrdf.paper.collapse import N_SLICES
+    from dsbrdf.render.comparison import Subject
+
+    kept = measured.theta_d <= MAX_THETA_D
+    planes, theta_d = measured.planes[:, :, kept], measured.theta_d[kept]
+    below = dataclasses.replace(measured, planes=planes, theta_d=theta_d)
+    old = fit_lambert_torrance_sparrow(below, n_slices=min(N_SLICES, theta_d.size))
+    return [Subject(model.label, model) for model in (old, fit_ggx_pair(measured))]
+
+
+def _subjects(model: Slices) -> list[Subject]:
+    """A model, and each of its lobes."""
+    from dsbrdf.render.comparison import Subject
+
+    whole = Subject(f"{model.n_lobes} lobes", model)
+    return [whole, *(Subject(f"lobe {k} alone", model.lobe(k), whole=False) for k in range(model.n_lobes))]
+
+
+def _profiles(figure: Figure, grid: Any, fit: SliceFit) -> None:
     """The slice theta_d = 0: all channels, and the lobes of the brightest."""
     from dsbrdf import plot
+    from dsbrdf.paper.planes import plane_of
 
-    plane = plot.model._plane(fit, 0)
+    plane = plane_of(fit, 0)
     left, right = figure.add_subplot(grid[0, 4:7]), figure.add_subplot(grid[0, 8:11])
-    plot.model._draw_channels(left, plane, size=2.6)
+    plot.model._draw_channels(left, plane, plot.model._channels(fit.model), size=2.6)
     plot.model._draw_lobes(right, plane, int(fit.errors.energy[0].argmax()))
     for axes, title in ((left, r"$\theta_d$ = 0°, BRDF (1/sr)"), (right, "lobes")):
         axes.set_ylim(0.0, 1.1 * max(np.nanmax(plane.values), np.nanmax(plane.curves)))

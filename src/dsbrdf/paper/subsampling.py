@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsbrdf import baselines
-from dsbrdf.baselines.interpolation import Interpolation
 from dsbrdf.measured.table import MeasuredBRDF
-from dsbrdf.paper import metrics
+from dsbrdf.paper import baselines, metrics
+from dsbrdf.paper.baselines.interpolation import Interpolation
 from dsbrdf.paper.collapse import SliceProfile, slice_profiles
-from dsbrdf.paper.fit_measured import fit_profiles
 from dsbrdf.paper.selection import select_lobes
+from dsbrdf.paper.slice_fit import fit_profiles
 from dsbrdf.paper.tables import Tables
 
 if TYPE_CHECKING:
@@ -112,7 +111,7 @@ def _thin(profiles: Sequence[SliceProfile], step: int, offset: int) -> list[Slic
 
 def _model_error(thinned: Sequence[SliceProfile], truth: Sequence[SliceProfile]) -> float:
     n_lobes = select_lobes(thinned).n_lobes
-    parameters, _ = fit_profiles(thinned, n_lobes, azimuthal=False, order="kappa")
+    parameters, _ = fit_profiles(thinned, n_lobes, order="kappa")
     return metrics.fit_errors(truth, *parameters).rel_rms
 
 

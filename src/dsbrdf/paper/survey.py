@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import csv
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from dsbrdf import _files, baselines
+import dsbrdf
+from dsbrdf import _files
+from dsbrdf.baselines import fit_ggx_pair
+from dsbrdf.fitting import metrics
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper import baselines
 from dsbrdf.paper.tables import Tables, paper_fit
 
 __all__ = ["Row", "Shapes", "compare_shapes", "markdown", "measure", "median", "survey", "write_csv"]
@@ -21,7 +26,7 @@ N_SAMPLE, SAMPLE_LOBES = 12, (1, 2, 3)
 
 @dataclass(frozen=True)
 class Row:
-    """Numbers of one material; errors are relative RMS.
+    """Numbers of one material; errors are relative RMS over the samples of the slices, but for those called cbrt.
 
     Parameters
     ----------
@@ -31,8 +36,14 @@ class Row:
     rel_rms, with_term, em : float
         The paper's model, the same with the azimuthal term, and the paper's by EM alone.
     bivariate_floor, monotone_floor, azimuthal_floor : float
-    torrance_sparrow : float
-        Lambert and two Torrance-Sparrow lobes.
+    torrance_sparrow, ggx_pair : float
+        Lambert and two Torrance-Sparrow lobes, as the paper has them, and in the form of today's renderers, with Fresnel
+        terms, fitted to the whole hemisphere (`dsbrdf.baselines.fit_ggx_pair`).
+    fit : float
+        The model of `dsbrdf.fit`, fitted to the whole hemisphere.
+    cbrt, ggx_pair_cbrt, fit_cbrt : float
+        Error of the cube root over the whole hemisphere (`dsbrdf.fitting.metrics`), of the paper's model, of Lambert with
+        two GGX lobes, and of the model of `dsbrdf.fit`.
     unconverged : int
         Slices of the paper's model that ran out of iterations.
     seconds : float
@@ -47,7 +58,12 @@ class Row:
     monotone_floor: float
     azimuthal_floor: float
     torrance_sparrow: float
+    ggx_pair: float
+    fit: float
     em: float
+    cbrt: float
+    ggx_pair_cbrt: float
+    fit_cbrt: float
     unconverged: int
     seconds: float
 
@@ -57,6 +73,10 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
     paper = paper_fit(measured)
     n_lobes, errors = paper.model.n_lobes, paper.errors
     other = baselines.fit_lambert_torrance_sparrow(measured)
+    pair = fit_ggx_pair(measured)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+        new = dsbrdf.fit(measured)
     return Row(
         name=name,
         n_lobes=n_lobes,
@@ -66,7 +86,12 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
         monotone_floor=errors.monotone_floor,
         azimuthal_floor=errors.azimuthal_floor,
         torrance_sparrow=baselines.errors(other, measured).rel_rms,
+        ggx_pair=baselines.errors(pair, measured).rel_rms,
+        fit=baselines.errors(new.model, measured).rel_rms,
         em=paper_fit(measured, n_lobes, method="em").errors.rel_rms,
+        cbrt=metrics.errors(paper.model, measured).cbrt,
+        ggx_pair_cbrt=metrics.errors(pair, measured).cbrt,
+        fit_cbrt=new.errors.cbrt,
         unconverged=sum(not report.status.ok for report in paper.slices),
         seconds=paper.seconds,
     )
@@ -134,7 +159,12 @@ _HEADINGS = {
     "monotone_floor": "monotone floor",
     "azimuthal_floor": "azimuthal floor",
     "torrance_sparrow": "Lambert + 2 Torrance-Sparrow",
+    "ggx_pair": "Lambert + 2 GGX",
+    "fit": "dsbrdf.fit",
     "em": "by EM alone",
+    "cbrt": "paper's model, cbrt",
+    "ggx_pair_cbrt": "Lambert + 2 GGX, cbrt",
+    "fit_cbrt": "dsbrdf.fit, cbrt",
     "unconverged": "slices out of iterations",
     "seconds": "seconds",
 }

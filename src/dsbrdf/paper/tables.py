@@ -13,7 +13,9 @@ import numpy as np
 from dsbrdf.measured import built_in, read_merl
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper.collapse import slice_profiles
-from dsbrdf.paper.fit_measured import ConvergenceWarning, Fit, fit
+from dsbrdf.paper.fit import fit_slices
+from dsbrdf.paper.fit_report import SliceFit
+from dsbrdf.paper.slice_fit import ConvergenceWarning
 
 __all__ = ["Tables", "open_tables", "paper_fit"]
 
@@ -93,8 +95,8 @@ def open_tables(data: Path | None) -> Tables:
 
 def paper_fit(
     measured: MeasuredBRDF, n_lobes: int | str = "auto", *, method: str = "joint", azimuthal: bool = False
-) -> Fit:
+) -> SliceFit:
     """Fit the paper's model: no azimuthal term, lobes ordered by kappa; slices out of iterations pass."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return fit(measured, n_lobes, method=method, azimuthal=azimuthal, order="kappa")
+        return fit_slices(measured, n_lobes, method=method, azimuthal=azimuthal, order="kappa")
