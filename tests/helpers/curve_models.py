@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsbrdf import DSBRDF, CurveBasis, Curves
+from dsbrdf.paper import CurveBasis, Curves, Slices
 from dsbrdf.paper.collapse import N_SLICES, slice_rows
 from dsbrdf.paper.curves import tabulated_theta_d
 
@@ -20,4 +20,4 @@ def random_curves(rng, basis=None, n_channels=3, n_lobes=2, logarithmic=True):
 
 
 def sliced(curves, theta_d=SLICES):
-    return DSBRDF(theta_d, *curves.at(theta_d), curves.spike_at(theta_d))
+    return Slices(theta_d, *curves.at(theta_d), curves.spike_at(theta_d))

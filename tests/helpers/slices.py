@@ -3,7 +3,7 @@
 import numpy as np
 
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
-from dsbrdf.paper import Slices
+from dsbrdf.paper import SliceProfile, Slices
 from dsbrdf.paper.spike import SIN2_WIDTH
 
 N_SLICES, N_CHANNELS, N_LOBES = 7, 3, 3
@@ -32,6 +32,18 @@ def smooth_slices(seed, basis, variables, n_lobes=3, n_channels=3, theta_d=None,
     order = rng.permutation(n_lobes)
     kappa, gamma = (x[:, :, order] for x in variables.parameters(values))
     return Slices(theta_d, kappa, gamma, name=fields.pop("name", f"material-{seed}"), **fields)
+
+
+def profile_of(theta_d, theta_h, phi_d, values, weights=None):
+    """A slice of samples (sample, channel) at any angles (sample,), each of which counts its weight."""
+    weights = np.ones(len(values)) if weights is None else np.asarray(weights)
+    nodes, index = np.unique(np.asarray(theta_h, dtype=float), return_inverse=True)
+    values, c = np.asarray(values, dtype=float), np.cos(2.0 * np.asarray(phi_d))[:, None]
+    w = weights[:, None] * np.isfinite(values)
+    f = np.where(np.isfinite(values), values, 0.0)
+    moments = np.zeros((len(nodes), values.shape[1], 6))
+    np.add.at(moments, index, np.stack([w, w * f, w * f * f, w * c, w * c * c, w * f * c], axis=-1))
+    return SliceProfile(theta_d, nodes, np.ascontiguousarray(moments.swapaxes(0, 1)))
 
 
 def upper(rng, *shape):

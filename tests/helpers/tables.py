@@ -1,13 +1,14 @@
-"""Small tables of known reflectances, and what a fit should say about them by brute force."""
+"""Small tables of known reflectances, and what a fit of slices should say about them by brute force."""
 
 import warnings
 from functools import lru_cache
 
 import numpy as np
 
-from dsbrdf import DSBRDF, ConvergenceWarning, fit, tabulate
+from dsbrdf import tabulate
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured import built_in as materials
+from dsbrdf.paper import ConvergenceWarning, Slices, fit_slices
 from dsbrdf.paper.collapse import slice_mask, slice_rows
 
 # Lobes that can be told apart: kappa, gamma, beta
@@ -34,14 +35,14 @@ def lobes(kappa, gamma, beta, n_slices=6, rise=0.3, tint=(1.0, 0.8, 1.2)):
     """Model whose kappa (lobe,) rises over the slices and differs between channels."""
     theta_d = np.pi / 2 * (np.arange(n_slices) + 0.5) / n_slices
     ramp = (1.0 + rise * theta_d)[:, None, None] * np.asarray(tint)[:, None]
-    return DSBRDF(theta_d, kappa * ramp, gamma * np.ones_like(ramp), beta * np.ones_like(ramp))
+    return Slices(theta_d, kappa * ramp, gamma * np.ones_like(ramp), beta * np.ones_like(ramp))
 
 
 def quiet_fit(*arguments, **options):
-    """`fit` where running out of iterations is not the point."""
+    """`fit_slices` where running out of iterations is not the point."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return fit(*arguments, **options)
+        return fit_slices(*arguments, **options)
 
 
 def objectives(fitted):

@@ -1,6 +1,5 @@
-"""Curves over theta_d: the basis, smoothing of slices, models that hold curves, and their files."""
+"""Curves over theta_d: the basis, smoothing of slices, and models that hold curves."""
 
-import json
 import re
 
 import numpy as np
@@ -8,12 +7,14 @@ import pytest
 from curve_models import SLICES, random_curves, sliced
 from hypothesis import given
 from hypothesis import strategies as st
-from models import random_model, upper
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad_vec
+from slices import random_slices, upper
 
-from dsbrdf import DSBRDF, CurveBasis, Curves, ModelFormatError, load
-from dsbrdf.paper.curves import COEFFICIENTS, VARIABLES, sensitivity
+from dsbrdf.paper import CurveBasis, Curves, Slices
+from dsbrdf.paper.curves import VARIABLES, sensitivity
+
+COEFFICIENTS = ("kappa", "gamma", "beta", "spike")
 
 BASES = [
     CurveBasis(),
@@ -103,7 +104,7 @@ def test_a_model_whose_parameters_are_splines_is_recovered(rng, logarithmic, var
 
 def test_slices_are_weighted_by_their_light_and_their_samples():
     shape = (len(SLICES), 1, 2)
-    model = DSBRDF(SLICES, np.broadcast_to([0.5, 0.005], shape), np.ones(shape), np.zeros(shape))
+    model = Slices(SLICES, np.broadcast_to([0.5, 0.005], shape), np.ones(shape), np.zeros(shape))
     weights = sensitivity(model)
     assert (np.diff(weights, axis=0) < 0.0).all(), "fewer samples are above the horizon near grazing"
     assert (weights[..., 0] > 1e3 * weights[..., 1]).all()
@@ -111,7 +112,7 @@ def test_slices_are_weighted_by_their_light_and_their_samples():
 
 def test_weights_decide_between_slices_that_disagree():
     values = np.where(np.arange(len(SLICES)) % 2, 1.0, 2.0)[:, None, None]
-    model = DSBRDF(SLICES, values, values, 0.0 * values)
+    model = Slices(SLICES, values, values, 0.0 * values)
     weights = np.where(values > 1.5, 1.0, 1e-3)
     curves = Curves.of(model, weights=weights)
     assert_allclose(curves.at(SLICES)[0], 2.0, rtol=0.01)
@@ -121,19 +122,19 @@ def test_weights_of_another_shape_are_refused():
     with pytest.raises(
         ValueError, match=r"^'weights' must have shape \(7, 3, 3\) like kappa, got \(7, 3\)\.$"
     ):
-        Curves.of(random_model(), weights=np.ones((7, 3)))
+        Curves.of(random_slices(), weights=np.ones((7, 3)))
 
 
 @given(seed=st.integers(0, 10_000), n_slices=st.integers(1, 8), logarithmic=st.booleans())
 def test_any_model_smooths_to_a_valid_one(seed, n_slices, logarithmic):
-    model = random_model(seed, n_slices=n_slices).to_curves(logarithmic=logarithmic)
+    model = random_slices(seed, n_slices=n_slices).to_curves(logarithmic=logarithmic)
     assert len(model.theta_d) == 90
     assert (model.kappa > 0.0).all()
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_one_slice_gives_constant_curves(logarithmic):
-    model = random_model(n_slices=1)
+    model = random_slices(n_slices=1)
     smooth = model.to_curves(logarithmic=logarithmic)
     for name in ("kappa", "gamma", "beta", "spike"):
         values = getattr(smooth, name)
@@ -152,6 +153,8 @@ def test_a_model_of_curves_is_tabulated_at_the_rows_of_a_table(rng):
     for got, want in zip((model.kappa, model.gamma, model.beta), curves.at(model.theta_d), strict=True):
         assert_array_equal(got, want)
     assert_array_equal(model.spike, curves.spike_at(model.theta_d))
+    assert model.n_parameters == curves.n_parameters == 3 * 2 * 6 * 3 + 3 * 6
+    assert curves.lobe(0).n_parameters == 3 * 6 * 3
 
 
 def test_lobes_and_spike_of_curves_add_up_to_the_model(rng):
@@ -197,66 +200,3 @@ def test_coefficients_of_wrong_shape_are_refused(rng, change, text):
     parts = {name: getattr(curves, name) for name in COEFFICIENTS} | change
     with pytest.raises(ValueError, match=f"^{re.escape(text)}"):
         Curves(curves.basis, **parts)
-
-
-# Files
-
-
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "m.json"
-
-
-@pytest.mark.parametrize("logarithmic", [True, False])
-@pytest.mark.parametrize("basis", BASES, ids=str)
-def test_curves_come_back_to_the_last_bit(path, rng, basis, logarithmic):
-    model = random_curves(rng, basis, logarithmic=logarithmic).model(name="made up")
-    model.save(path)
-    back = load(path)
-    assert back.curves.basis == basis
-    for name in COEFFICIENTS:
-        assert_array_equal(getattr(back.curves, name), getattr(model.curves, name))
-    for name in ("theta_d", "kappa", "gamma", "beta", "spike"):
-        assert_array_equal(getattr(back, name), getattr(model, name))
-
-
-def test_a_file_of_curves_holds_coefficients_in_place_of_slices(path, rng):
-    random_curves(rng).model().save(path)
-    content = json.loads(path.read_text())
-    assert not {"theta_d", "kappa", "gamma", "beta", "spike"} & content.keys()
-    assert list(content["curves"]) == [
-        *("n_knots", "degree", "domain", "variable", "logarithmic", "kappa", "gamma", "beta", "spike"),
-    ]
-    assert np.shape(content["curves"]["kappa"]) == (3, 2, 6)
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"n_knots": 6}, "'curves.kappa' must have shape"),
-        ({"n_knots": 5.0}, "'curves.n_knots' must be of type int, got 5.0."),
-        ({"logarithmic": 1}, "'curves.logarithmic' must be of type bool, got 1."),
-        ({"domain": [0.0]}, ""),
-        ({"domain": "x"}, ""),
-        ({"degree": 10**9}, "'curves.kappa' must have shape"),
-        ({"kappa": [[[None] * 6] * 2] * 3}, "'curves.kappa' must be finite"),
-        ({"kappa": [[["1"] * 6] * 2] * 3}, "'kappa' must hold numbers, got '1'."),
-        ({"variable": None}, "'curves.variable' must be of type str, got None."),
-    ],
-)
-def test_curves_that_make_no_model_are_refused(path, rng, change, text):
-    random_curves(rng).model().save(path)
-    content = json.loads(path.read_text())
-    content["curves"] |= change
-    path.write_text(json.dumps(content))
-    with pytest.raises(ModelFormatError, match=f"^{re.escape(f'{path}: not a sound model: {text}')}"):
-        load(path)
-
-
-def test_a_missing_entry_of_curves_is_named(path, rng):
-    random_curves(rng).model().save(path)
-    content = json.loads(path.read_text())
-    del content["curves"]["degree"]
-    path.write_text(json.dumps(content))
-    with pytest.raises(ModelFormatError, match="not a whole model file: 'degree' is missing"):
-        load(path)

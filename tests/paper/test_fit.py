@@ -22,8 +22,9 @@ from tables import (
     sums_of_squares,
 )
 
-from dsbrdf import DSBRDF, fit, read
+from dsbrdf import Samples, read
 from dsbrdf.geometry.half_diff import azimuthal_factor
+from dsbrdf.paper import Slices, fit_slices
 from dsbrdf.paper.metrics import LOG_OFFSET
 
 MATERIALS = ["rough-gold", "polished-chrome", "glossy-plastic", "matte", "grey-primer"]
@@ -36,7 +37,7 @@ MATERIALS = ["rough-gold", "polished-chrome", "glossy-plastic", "matte", "grey-p
 @pytest.mark.parametrize("n_lobes", [1, 2, 3])
 def test_finds_known_lobes(n_lobes, with_beta, azimuthal):
     truth = known(n_lobes, with_beta)
-    fitted = fit(of_model(truth, 6), n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
+    fitted = fit_slices(of_model(truth, 6), n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
     np.testing.assert_allclose(fitted.model.kappa, truth.kappa, rtol=1e-6)
     np.testing.assert_allclose(fitted.model.gamma, truth.gamma, rtol=1e-6)
     np.testing.assert_allclose(fitted.model.beta, truth.beta, atol=1e-6)
@@ -68,7 +69,7 @@ def test_errors_under_noise_are_those_expected(n_lobes, azimuthal, rng):
     clean = of_model(truth, 6)
     noisy = clean.planes * (1.0 + 0.01 * rng.standard_normal(clean.planes.shape))
     measured = dataclasses.replace(clean, planes=np.where(clean.planes < 0.0, -1.0, noisy))
-    fitted = fit(measured, n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
+    fitted = fit_slices(measured, n_lobes, azimuthal=azimuthal, strict=True, **EVERY_SAMPLE)
     factor = azimuthal_factor(clean.theta_h, clean.theta_d[:, None])
 
     distance, off = 0.0, []
@@ -102,7 +103,7 @@ def test_errors_under_noise_are_those_expected(n_lobes, azimuthal, rng):
 def test_never_above_the_em(name, n_lobes):
     measured = built_in(name)
     em = objectives(quiet_fit(measured, n_lobes, method="em"))
-    for options in ({}, {"azimuthal": False}, {"order": "kappa", "azimuthal": False}):
+    for options in ({}, {"azimuthal": True}, {"order": "kappa"}):
         assert (objectives(quiet_fit(measured, n_lobes, **options)) <= em * (1.0 + 1e-12)).all()
 
 
@@ -114,11 +115,11 @@ AS_GOOD = 2e-4
 @pytest.mark.parametrize("name", MATERIALS)
 def test_azimuthal_term_never_makes_it_worse(name, n_lobes):
     measured = built_in(name)
-    plain = objectives(quiet_fit(measured, n_lobes, azimuthal=False))
-    assert (objectives(quiet_fit(measured, n_lobes)) <= plain * (1.0 + AS_GOOD)).all()
+    plain = objectives(quiet_fit(measured, n_lobes))
+    assert (objectives(quiet_fit(measured, n_lobes, azimuthal=True)) <= plain * (1.0 + AS_GOOD)).all()
 
 
-@pytest.mark.parametrize("options", [{}, {"azimuthal": False}, {"order": "kappa"}, {"perimeter_mask": False}])
+@pytest.mark.parametrize("options", [{}, {"azimuthal": True}, {"order": "kappa"}, {"perimeter_mask": False}])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_objective_is_the_sum_of_squares_over_all_samples(name, options):
     fitted = quiet_fit(built_in(name), 2, **options)
@@ -188,11 +189,12 @@ def test_converged_means_minimum(name, azimuthal):
 
 DIGEST = """
 import hashlib, warnings
-from dsbrdf import fit, tabulate
+from dsbrdf import tabulate
 from dsbrdf.measured import built_in as materials
+from dsbrdf.paper import fit_slices
 
 warnings.simplefilter("ignore")
-model = fit(tabulate(materials.get("satin-plastic").reflectance, "", shape=(90, 18, 36)), 3).model
+model = fit_slices(tabulate(materials.get("satin-plastic").reflectance, "", shape=(90, 18, 36)), 3, azimuthal=True).model
 print(hashlib.sha256(model.kappa.tobytes() + model.gamma.tobytes() + model.beta.tobytes()).hexdigest())
 """
 
@@ -205,7 +207,7 @@ def test_same_bits_however_many_threads():
         assert done.returncode == 0, done.stderr
         digests.append(done.stdout.strip())
     for _ in range(2):
-        model = quiet_fit(built_in("satin-plastic"), 3).model
+        model = quiet_fit(built_in("satin-plastic"), 3, azimuthal=True).model
         data = model.kappa.tobytes() + model.gamma.tobytes() + model.beta.tobytes()
         digests.append(hashlib.sha256(data).hexdigest())
     assert len(set(digests)) == 1
@@ -221,17 +223,17 @@ def crossing(n_slices=9):
     kappa = np.stack([2.5 * 0.2**t, 0.4 * 5.0**t], axis=-1)
     gamma = np.broadcast_to([80.0, 1.5], kappa.shape)
     shape = (n_slices, 1, 2)
-    return DSBRDF(theta_d, kappa.reshape(shape), gamma.reshape(shape), np.zeros(shape))
+    return Slices(theta_d, kappa.reshape(shape), gamma.reshape(shape), np.zeros(shape))
 
 
 @pytest.mark.parametrize("azimuthal", [False, True])
 def test_follows_lobes_where_they_cross(azimuthal):
     truth = crossing()
     options = {"n_slices": 9, "perimeter_mask": False, "azimuthal": azimuthal}
-    followed = fit(of_model(truth, 9), 2, **options).model
+    followed = fit_slices(of_model(truth, 9), 2, **options).model
     np.testing.assert_allclose(followed.gamma, truth.gamma, rtol=1e-5)
     np.testing.assert_allclose(followed.kappa, truth.kappa, rtol=1e-5)
-    by_kappa = fit(of_model(truth, 9), 2, order="kappa", **options).model
+    by_kappa = fit_slices(of_model(truth, 9), 2, order="kappa", **options).model
     assert (np.diff(by_kappa.kappa) < 0.0).all()
     assert (by_kappa.gamma[0] > by_kappa.gamma[-1]).tolist() == [[True, False]]
 
@@ -240,7 +242,7 @@ def test_follows_lobes_where_they_cross(azimuthal):
 def test_follows_lobes_across_empty_slices(empty):
     truth = crossing()
     shape = (9, 1, 3)
-    truth = DSBRDF(
+    truth = Slices(
         truth.theta_d,
         np.concatenate([truth.kappa, np.full((9, 1, 1), 0.9)], axis=-1),
         np.broadcast_to([80.0, 1.5, 2000.0], shape),
@@ -248,7 +250,7 @@ def test_follows_lobes_across_empty_slices(empty):
     )
     measured = of_model(truth, 9)
     measured.planes[:, :, empty] = -1.0
-    gamma = fit(measured, 3, n_slices=9, perimeter_mask=False, azimuthal=False).model.gamma
+    gamma = fit_slices(measured, 3, n_slices=9, perimeter_mask=False).model.gamma
     np.testing.assert_allclose(gamma, np.broadcast_to(gamma[1], shape), rtol=1e-5)
 
 
@@ -266,7 +268,7 @@ def test_channels_do_not_see_each_other(permutation, order):
     permuted = dataclasses.replace(
         measured, planes=np.ascontiguousarray(measured.planes[permutation]), scale=measured.scale[permutation]
     )
-    one, other = (quiet_fit(m, 2, order=order) for m in (measured, permuted))
+    one, other = (quiet_fit(m, 2, order=order, azimuthal=True) for m in (measured, permuted))
     objective = objectives(one).reshape(-1, 3)[:, permutation]
     np.testing.assert_allclose(objectives(other).reshape(-1, 3), objective, rtol=1e-6)
     for name in ("kappa", "gamma", "beta"):
@@ -282,17 +284,18 @@ def test_channels_do_not_see_each_other(permutation, order):
 def test_promises_hold_on_decoded_materials(decoded, name):
     measured = read(decoded(name))
     em = objectives(quiet_fit(measured, 3, method="em"))
-    plain = objectives(quiet_fit(measured, 3, azimuthal=False))
-    fitted = quiet_fit(measured, 3)
-    default = objectives(fitted)
+    plain = objectives(quiet_fit(measured, 3))
+    fitted = quiet_fit(measured, 3, azimuthal=True)
+    with_term = objectives(fitted)
     assert (plain <= em * (1.0 + 1e-12)).all()
-    assert (default <= em * (1.0 + 1e-12)).all()
-    assert (default <= plain * (1.0 + AS_GOOD)).all()
-    np.testing.assert_allclose(default, sums_of_squares(fitted), rtol=1e-8)
+    assert (with_term <= em * (1.0 + 1e-12)).all()
+    assert (with_term <= plain * (1.0 + AS_GOOD)).all()
+    np.testing.assert_allclose(with_term, sums_of_squares(fitted), rtol=1e-8)
 
 
-@pytest.mark.parametrize("measured", ["a.binary", np.ones((3, 3))])
-def test_only_measurements_are_fitted(measured):
-    text = r"'measured' must be a MeasuredBRDF or Samples, got (str|ndarray)\. Read a file with dsbrdf\.read\(path\)\.$"
-    with pytest.raises(TypeError, match=text):
-        fit(measured)
+def test_only_tables_are_fitted():
+    up = np.array([[0.0, 0.0, 1.0]])
+    for measured in ("a.binary", np.ones((3, 3)), Samples(up, up, np.ones((1, 3)))):
+        text = rf"'measured' must be a MeasuredBRDF, got {type(measured).__name__}\. Read a file with dsbrdf\.read\(path\); "
+        with pytest.raises(TypeError, match=text + "scattered samples have no slices: fit them with dsbrdf.fit"):
+            fit_slices(measured)

@@ -17,10 +17,10 @@ from tables import (
     sums_of_squares,
 )
 
-from dsbrdf import ConvergenceWarning, FitStatus, fit, tabulate
+from dsbrdf import tabulate
 from dsbrdf.measured import built_in as materials
-from dsbrdf.paper.collapse import SliceProfile
-from dsbrdf.paper.fit_measured import fit_profiles
+from dsbrdf.paper import ConvergenceWarning, FitStatus, SliceProfile, fit_slices
+from dsbrdf.paper.slice_fit import fit_profiles
 
 # Options
 
@@ -56,14 +56,14 @@ def test_rows_and_steps_choose_the_samples():
 )
 def test_says_what_is_wrong_with_an_option(options, text):
     with pytest.raises(ValueError, match=text):
-        fit(built_in("matte"), **options)
+        fit_slices(built_in("matte"), **options)
 
 
 def test_warns_once_and_points_at_the_caller():
     with pytest.warns(
         ConvergenceWarning, match=r"of 54 slices \(theta_d [0-9.]+ degrees channel.*out of iterations"
     ) as caught:
-        fitted = fit(built_in("polished-chrome"), 3, method="em")
+        fitted = fit_slices(built_in("polished-chrome"), 3, method="em")
     assert len(caught) == 1
     assert caught[0].filename == __file__
     late = [report for report in fitted.slices if not report.status.ok]
@@ -78,7 +78,7 @@ def test_warns_once_and_points_at_the_caller():
 def test_strict_raises_instead():
     # A warning would be an error here too, and another one
     with pytest.raises(RuntimeError, match=r"of 54 slices .*out of iterations"):
-        fit(built_in("polished-chrome"), 3, method="em", strict=True)
+        fit_slices(built_in("polished-chrome"), 3, method="em", strict=True)
 
 
 def test_number_of_lobes_of_any_integer_type():
@@ -93,7 +93,7 @@ def test_empty_slices_take_the_nearest_lobes():
     measured = of_model(known(1, True), 6)
     measured.planes[:, :, [0, 1, 5]] = -1.0
     measured.planes[1, :, 3] = np.nan
-    fitted = fit(measured, 1, **EVERY_SAMPLE)
+    fitted = fit_slices(measured, 1, azimuthal=True, **EVERY_SAMPLE)
     status = np.array([report.status for report in fitted.slices]).reshape(6, 3)
     empty = np.zeros((6, 3), bool)
     empty[[0, 1, 5]] = True
@@ -112,9 +112,9 @@ def test_empty_slices_take_the_nearest_lobes():
 @pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}])
 def test_a_slice_too_dim_to_see_harms_nothing(options):
     measured = of_model(known(2, False), 6)
-    whole = quiet_fit(measured, 2, azimuthal=False, **EVERY_SAMPLE, **options).model
+    whole = quiet_fit(measured, 2, **EVERY_SAMPLE, **options).model
     measured.planes[:, :, 4] *= 1e-25
-    fitted = quiet_fit(measured, 2, azimuthal=False, **EVERY_SAMPLE, **options).model
+    fitted = quiet_fit(measured, 2, **EVERY_SAMPLE, **options).model
     np.testing.assert_allclose(fitted.kappa[:4], whole.kappa[:4], rtol=0.1)
     assert np.isfinite(fitted.gamma).all()
     assert (fitted.eval_angles(0.1, fitted.theta_d[4], 0.3) < 1e-12).all()
@@ -131,14 +131,14 @@ def constant(value, channels=3, shape=(20, 6, 12)):
 @pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"order": "kappa"}])
 @pytest.mark.parametrize("n_lobes", [2, "auto"])
 def test_black_stays_black(n_lobes, options):
-    fitted = fit(constant(0.0), n_lobes, n_slices=6, **options)
+    fitted = fit_slices(constant(0.0), n_lobes, n_slices=6, **options)
     assert all(report.status is FitStatus.NO_DATA for report in fitted.slices)
     up = np.array([0.0, 0.0, 1.0])
     assert (fitted.model.eval(up, up) < 1e-9).all()
     assert np.isnan(fitted.errors.rel_rms)
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"azimuthal": False}])
+@pytest.mark.parametrize("options", [{}, {"method": "em"}, {"loss": "log"}, {"azimuthal": True}])
 @pytest.mark.parametrize("n_lobes", [1, 3])
 def test_lambert_is_flat(n_lobes, options):
     fitted = quiet_fit(constant(0.25), n_lobes, n_slices=6, **options)
@@ -154,7 +154,7 @@ def test_nothing_valid_is_an_error(n_lobes):
     measured = constant(0.2)
     measured.planes[:] = -1.0
     with pytest.raises(ValueError, match=r"no slice has a valid sample after masking\. Lower 'min_theta_h'"):
-        fit(measured, n_lobes, n_slices=6)
+        fit_slices(measured, n_lobes, n_slices=6)
 
 
 @pytest.mark.parametrize("channels", [1, 5])
@@ -162,7 +162,7 @@ def test_any_number_of_channels(channels):
     tint = np.linspace(0.5, 1.5, channels)
     kappa, gamma, beta = map(np.array, KNOWN[2])
     truth = lobes(kappa, gamma, beta, tint=tint)
-    fitted = fit(of_model(truth, 6), 2, **EVERY_SAMPLE)
+    fitted = fit_slices(of_model(truth, 6), 2, azimuthal=True, **EVERY_SAMPLE)
     assert fitted.model.kappa.shape == (6, channels, 2)
     np.testing.assert_allclose(fitted.model.kappa, truth.kappa, rtol=1e-6)
     assert [report.channel for report in fitted.slices] == list(range(channels)) * 6
@@ -229,6 +229,6 @@ def test_survives_any_profile(slices, n_lobes, azimuthal, loss, order):
     assert np.isfinite(objective).all()
     assert (objective >= 0.0).all()
     if loss == "l2":
-        _, em = fit_profiles(slices, n_lobes, method="em", azimuthal=False, order=order)
+        _, em = fit_profiles(slices, n_lobes, method="em", order=order)
         energy = np.array([profile.energy[0] for profile in slices])
         assert (objective <= np.array([report.objective for report in em]) + 1e-12 * energy).all()

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import isotonic_regression
+from slices import profile_of
 
-from dsbrdf import half_diff, slice_profiles
-from dsbrdf.paper.collapse import MIN_THETA_H, gather_profile, slice_mask, slice_rows
+from dsbrdf import half_diff
+from dsbrdf.paper import slice_profiles
+from dsbrdf.paper.collapse import MIN_THETA_H, slice_mask, slice_rows
 from dsbrdf.paper.metrics import LOG_OFFSET, fit_errors, log_rms, profile_model
 
 MASKS = [
@@ -185,7 +187,7 @@ positive = st.floats(0.0, 5.0)
 )
 def test_floors_are_below_every_model(values, kappa, gamma, beta, theta_d, weights):
     theta_h, phi_d = np.meshgrid(np.linspace(0.0, 1.5, 6), np.linspace(0.1, 3.0, 8), indexing="ij")
-    profile = gather_profile(theta_d, theta_h.ravel(), phi_d.ravel(), values.reshape(48, 2), weights)
+    profile = profile_of(theta_d, theta_h.ravel(), phi_d.ravel(), values.reshape(48, 2), weights)
     slack = 1e-9 * (1.0 + profile.energy)
     with_term = fit_errors([profile], kappa, gamma, beta)
     assert (with_term.azimuthal[0] <= with_term.squares[0] + slack).all()
@@ -198,7 +200,7 @@ def test_floors_are_below_every_model(values, kappa, gamma, beta, theta_d, weigh
 
 def test_slices_of_different_length_are_taken_each_by_itself(rng):
     profiles = [
-        gather_profile(theta_d, rng.uniform(0.1, 1.4, n), rng.uniform(0, 3, n), rng.uniform(0, 2, (n, 2)))
+        profile_of(theta_d, rng.uniform(0.1, 1.4, n), rng.uniform(0, 3, n), rng.uniform(0, 2, (n, 2)))
         for theta_d, n in [(0.1, 3), (0.6, 25), (1.2, 0), (1.3, 9)]
     ]
     parameters = random_parameters(rng, 4, n_channels=2)
@@ -216,8 +218,8 @@ def test_lobes_too_high_to_number_where_there_is_no_sample_do_no_harm(small_tabl
     errors = fit_errors(slice_profiles(measured), kappa, gamma, np.zeros_like(kappa))
     assert np.isfinite(errors.squares).all()
     ragged = [
-        gather_profile(0.1, [0.5], [0.0], [[1.0]]),
-        gather_profile(0.2, [0.5, 0.6], [0, 0], [[1.0], [2.0]]),
+        profile_of(0.1, [0.5], [0.0], [[1.0]]),
+        profile_of(0.2, [0.5, 0.6], [0, 0], [[1.0], [2.0]]),
     ]
     assert np.isfinite(fit_errors(ragged, kappa[:2, :1], gamma[:2, :1], 0 * kappa[:2, :1]).rel_rms)
 

@@ -1,12 +1,13 @@
-"""Fits to real measurements (RGL database), on a coarse grid of half and difference angles."""
+"""Fits of slices to real measurements (RGL database), on a coarse grid of half and difference angles."""
 
 import warnings
 
 import numpy as np
 import pytest
 
-from dsbrdf import ConvergenceWarning, fit, tabulate
+from dsbrdf import tabulate
 from dsbrdf.measured.formats.rgl import read_rgl
+from dsbrdf.paper import ConvergenceWarning, fit_slices
 
 # Relative RMS with three azimuthal lobes as measured on this grid, and 5 % more
 AZIMUTHAL = {
@@ -33,8 +34,8 @@ def test_reaches_the_floor_and_goes_below(data, name):
     table = tabulate(reflectance, name, shape=(90, 18, 60))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        plain = fit(table, 3, azimuthal=False, perimeter_mask=False).errors
-        azimuthal = fit(table, 3, perimeter_mask=False).errors
+        plain = fit_slices(table, 3, perimeter_mask=False).errors
+        azimuthal = fit_slices(table, 3, azimuthal=True, perimeter_mask=False).errors
     assert plain.rel_rms <= 1.05 * plain.monotone_floor
     assert azimuthal.rel_rms < 0.75 * plain.bivariate_floor
     assert azimuthal.rel_rms < AZIMUTHAL[name]

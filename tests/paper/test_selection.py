@@ -5,8 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import dsbrdf
-from dsbrdf.paper import plot_selection
-from dsbrdf.paper.collapse import SliceProfile
+from dsbrdf.paper import SliceProfile, fit_slices, plot_selection, slice_profiles
 from dsbrdf.paper.selection import LobeSelection, divergence, select_lobes
 
 # Those of a MERL table, and its slices every 5 degrees
@@ -176,11 +175,11 @@ def test_errors(rng):
 
 
 @pytest.mark.shared
-@pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
+@pytest.mark.filterwarnings("ignore::dsbrdf.paper.ConvergenceWarning")
 def test_materials_of_the_paper(decoded):
     """5, 4 and 2 in the paper; ours are within one of each, and in this order."""
     names = ("nickel", "specular-blue-phenolic", "orange-paint")
-    profiles = [dsbrdf.slice_profiles(dsbrdf.read(decoded(name))) for name in names]
+    profiles = [slice_profiles(dsbrdf.read(decoded(name))) for name in names]
     chosen = np.array([select_lobes(each).n_lobes for each in profiles])
     assert (np.abs(chosen - [5, 4, 2]) <= 1).all(), chosen
     assert chosen[0] > chosen[1] > chosen[2]
@@ -189,7 +188,7 @@ def test_materials_of_the_paper(decoded):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["pink-felt", "white-fabric"])
 def test_matte_materials(decoded, name):
-    assert select_lobes(dsbrdf.slice_profiles(dsbrdf.read(decoded(name)))).n_lobes in (1, 2)
+    assert select_lobes(slice_profiles(dsbrdf.read(decoded(name)))).n_lobes in (1, 2)
 
 
 def test_figure(rng):
@@ -213,8 +212,8 @@ def test_figure_without_a_test():
 
 @pytest.mark.parametrize("criterion", ["bic", "held-out"])
 def test_fit_takes_another_criterion(criterion):
-    chosen = dsbrdf.fit(dsbrdf.material("matte"), criterion=criterion).selection
+    chosen = fit_slices(dsbrdf.material("matte"), criterion=criterion).selection
     assert chosen.criterion == criterion
     assert 1 <= chosen.n_lobes <= chosen.max_lobes
     with pytest.raises(ValueError, match="'criterion' must be one of"):
-        dsbrdf.fit(dsbrdf.material("matte"), criterion="aic")
+        fit_slices(dsbrdf.material("matte"), criterion="aic")

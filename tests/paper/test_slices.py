@@ -1,4 +1,4 @@
-"""Slices: which rows and theta_h they hold, the collapse over phi_d by brute force, and scattered samples."""
+"""Slices: which rows and theta_h they hold, and the collapse over phi_d by brute force."""
 
 import dataclasses
 
@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from slices import profile_of
 
-from dsbrdf import half_diff, read_merl, slice_profiles
+from dsbrdf import half_diff, read_merl
+from dsbrdf.paper import slice_profiles
 from dsbrdf.paper.collapse import (
     MIN_THETA_H,
     MOMENTS,
     SliceProfile,
-    gather_profile,
     slice_rows,
     stack_profiles,
 )
@@ -244,110 +245,9 @@ def test_azimuthal_amplitude_of_a_cosine_is_its_own(small_table):
     assert_allclose(profile.mean, 2.0, rtol=1e-13)
 
 
-# Scattered samples
-
-
-def scattered(measured, row):
-    """theta_h, phi_d (sample,) and values (sample, channel) of a row of a table."""
-    h, phi = (x.ravel() for x in np.meshgrid(measured.theta_h, measured.phi_d, indexing="ij"))
-    return h, phi, measured.values[:, row].reshape(h.size, -1)
-
-
-@pytest.mark.parametrize("row", [0, 3, 9, 17])
-def test_samples_of_a_table_in_any_order_make_the_slice_of_the_table(damaged_table, rng, row):
-    theta_h, phi_d, values = scattered(damaged_table, row)
-    order = rng.permutation(theta_h.size)
-    expected = unmasked(damaged_table)[row]
-    profile = gather_profile(expected.theta_d, theta_h[order], phi_d[order], values[order])
-    assert profile.theta_d == expected.theta_d
-    assert_array_equal(profile.theta_h, expected.theta_h)
-    assert_array_equal(profile.count, expected.count)
-    assert_allclose(profile.moments, expected.moments, rtol=1e-13, atol=1e-14)
-    assert profile.moments.flags.c_contiguous
-
-
-def test_a_weight_counts_a_sample_so_many_times(damaged_table, rng):
-    theta_h, phi_d, values = scattered(damaged_table, 2)
-    times = rng.integers(0, 4, theta_h.size)
-    weighted = gather_profile(0.1, theta_h, phi_d, values, weights=times)
-    repeated = gather_profile(0.1, *(np.repeat(x, times, axis=0) for x in (theta_h, phi_d, values)))
-    assert_array_equal(weighted.theta_h, repeated.theta_h)
-    assert_allclose(weighted.moments, repeated.moments, rtol=1e-13, atol=1e-14)
-    halves = gather_profile(0.1, theta_h, phi_d, values, weights=0.5 * times)
-    assert_allclose(halves.moments, 0.5 * weighted.moments, rtol=1e-13, atol=1e-14)
-    assert_allclose(halves.mean, weighted.mean, rtol=1e-13)
-    assert_allclose(halves.azimuthal_amplitude, weighted.azimuthal_amplitude, rtol=1e-9, atol=1e-12)
-
-
-def test_theta_h_need_not_lie_on_a_grid(rng):
-    theta_h = rng.uniform(0.0, np.pi / 2, 40)
-    theta_h[7] = theta_h[3]
-    phi_d, values = rng.uniform(0.0, np.pi, 40), rng.uniform(0.0, 2.0, (40, 2))
-    profile = gather_profile(0.5, theta_h, phi_d, values)
-    assert profile.theta_h.shape == (39,)
-    assert (np.diff(profile.theta_h) > 0).all()
-    for i, theta in enumerate(profile.theta_h):
-        for channel in range(2):
-            expected = brute_moments(values[theta_h == theta, channel], phi_d[theta_h == theta])
-            assert_allclose(profile.moments[channel, i], expected, rtol=1e-14, atol=1e-15)
-
-
-def test_channels_of_a_sample_may_be_invalid_one_by_one():
-    values = [[1.0, np.nan], [3.0, 5.0], [np.inf, -np.inf]]
-    profile = gather_profile(0.5, [0.2, 0.2, 0.4], [0.0, 0.5, 1.0], values)
-    assert_array_equal(profile.count, [[2, 0], [1, 0]])
-    assert_array_equal(profile.mean, [[2.0, np.nan], [5.0, np.nan]])
-
-
-def test_no_samples_make_an_empty_profile():
-    profile = gather_profile(0.5, [], [], np.zeros((0, 3)))
-    assert profile.moments.shape == (3, 0, 6)
-    assert_array_equal(profile.energy, 0.0)
-    assert profile.mean.shape == (3, 0)
-
-
-def test_samples_of_single_precision_and_strided_views_are_taken(rng):
-    theta_h = rng.uniform(0, 1.5, 20).astype(np.float32)
-    theta_h[0] = np.pi / 2
-    phi_d, values = rng.uniform(0, 3, 20), np.asfortranarray(rng.uniform(0, 1, (20, 2)))
-    for array in (theta_h, phi_d, values):
-        array.setflags(write=False)
-    profile = gather_profile(0.5, theta_h, phi_d, values)
-    backward = gather_profile(0.5, theta_h[::-1], phi_d[::-1], values[::-1])
-    assert_allclose(backward.moments, profile.moments, rtol=1e-14)
-    assert profile.theta_h[-1] == np.pi / 2
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"theta_d": 85.0}, r"^'theta_d' must lie in \[0, pi/2\] radians, got 85\. Degrees\?"),
-        ({"theta_h": [0.1, 20.0]}, r"^'theta_h' must lie in \[0, pi/2\] radians, got 20 at index 1\."),
-        ({"theta_h": 0.1}, r"^'theta_h' must have shape \(sample,\), got \(\)\.$"),
-        ({"theta_h": [[0.1, 0.2]]}, r"^'theta_h' must have shape \(sample,\), got \(1, 2\)\.$"),
-        ({"phi_d": [0.0, np.nan]}, r"^'phi_d' must be finite, got nan at index 1\.$"),
-        ({"phi_d": [0.0]}, r"^'phi_d' must have shape \(2,\) like 'theta_h', got \(1,\)\.$"),
-        ({"phi_d": 0.0}, r"^'phi_d' must have shape \(2,\) like 'theta_h', got \(\)\.$"),
-        ({"values": [1.0, 2.0]}, r"^'values' must have shape \(2, channel\), got \(2,\)\.$"),
-        ({"values": np.ones((3, 2))}, r"^'values' must have shape \(2, channel\), got \(3, 2\)\.$"),
-        ({"weights": [1.0, -1.0]}, r"^'weights' must be >= 0 and finite, got -1 at index 1\.$"),
-        ({"weights": [1.0]}, r"^'weights' must have shape \(2,\) like 'theta_h', got \(1,\)\.$"),
-    ],
-)
-def test_bad_samples_are_refused(changes, text):
-    samples = {
-        "theta_d": 0.1,
-        "theta_h": [0.1, 0.2],
-        "phi_d": [0.0, 1.0],
-        "values": np.ones((2, 3)),
-    } | changes
-    with pytest.raises(ValueError, match=text):
-        gather_profile(**samples)
-
-
 def test_stacking_fills_short_slices_with_empty_theta_h(rng):
-    short = gather_profile(0.1, [0.5, 0.2], [0.0, 1.0], rng.random((2, 3)))
-    long = gather_profile(0.7, [0.5, 0.2, 0.9, 0.1], np.zeros(4), rng.random((4, 3)))
+    short = profile_of(0.1, [0.5, 0.2], [0.0, 1.0], rng.random((2, 3)))
+    long = profile_of(0.7, [0.5, 0.2, 0.9, 0.1], np.zeros(4), rng.random((4, 3)))
     theta_d, theta_h, moments = stack_profiles([short, long])
     assert_array_equal(theta_d, [0.1, 0.7])
     assert_array_equal(theta_h, [[0.2, 0.5, 0.0, 0.0], [0.1, 0.2, 0.5, 0.9]])

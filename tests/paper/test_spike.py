@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dsbrdf import DSBRDF, fit, half_diff, hemi_epd, tabulate
-from dsbrdf.paper import spike
+from dsbrdf import half_diff, hemi_epd, tabulate
+from dsbrdf.paper import Slices, fit_slices, spike
 
 HEIGHT = 40.0
 
@@ -21,7 +21,7 @@ def lobe_and_cap(height):
 
 
 def test_height_is_recovered():
-    model = fit(lobe_and_cap(HEIGHT), 1, n_slices=6).model
+    model = fit_slices(lobe_and_cap(HEIGHT), 1, n_slices=6).model
     assert model.spike.shape == (6, 2)
     np.testing.assert_allclose(model.spike, HEIGHT, rtol=1e-4)
     up = np.array([0.0, 0.0, 1.0])
@@ -29,18 +29,18 @@ def test_height_is_recovered():
 
 
 def test_none_where_lobes_suffice_and_on_request():
-    assert not fit(lobe_and_cap(0.0), 1, n_slices=6).model.spike.any()
-    assert not fit(lobe_and_cap(HEIGHT), 1, n_slices=6, spike=False).model.spike.any()
+    assert not fit_slices(lobe_and_cap(0.0), 1, n_slices=6).model.spike.any()
+    assert not fit_slices(lobe_and_cap(HEIGHT), 1, n_slices=6, spike=False).model.spike.any()
 
 
 def test_lobes_and_errors_do_not_depend_on_it():
-    with_spike, without = (fit(lobe_and_cap(HEIGHT), 1, n_slices=6, spike=on) for on in (True, False))
+    with_spike, without = (fit_slices(lobe_and_cap(HEIGHT), 1, n_slices=6, spike=on) for on in (True, False))
     np.testing.assert_array_equal(with_spike.model.kappa, without.model.kappa)
     assert with_spike.errors.rel_rms == without.errors.rel_rms
 
 
 def test_ends_at_one_degree():
-    model = fit(lobe_and_cap(HEIGHT), 1, n_slices=6).model
+    model = fit_slices(lobe_and_cap(HEIGHT), 1, n_slices=6).model
     inside, outside = np.deg2rad([0.5, 1.001])
     plain = model.replace(spike=None)
     assert (model.eval_angles(inside, 0.3, 0.1) > plain.eval_angles(inside, 0.3, 0.1) + 1.0).all()
@@ -48,21 +48,11 @@ def test_ends_at_one_degree():
 
 
 def test_lobe_alone_has_none_and_parts_add_up():
-    model = fit(lobe_and_cap(HEIGHT), 2, n_slices=6).model
+    model = fit_slices(lobe_and_cap(HEIGHT), 2, n_slices=6).model
     wi, wo = half_diff.to_directions([0.0, 0.005, 0.3], 0.2, 1.0)
     only_spike = model.replace(kappa=np.full_like(model.kappa, 1e-300)).eval(wi, wo)
     lobes = sum(model.lobe(k).eval(wi, wo) for k in range(2))
     np.testing.assert_allclose(lobes + only_spike, model.eval(wi, wo), rtol=1e-12)
-
-
-def test_density_integrates_to_one_and_describes_the_sampler():
-    sin2 = spike.SIN2_WIDTH * (np.arange(2000) + 0.5) / 2000
-    weight = np.pi * spike.SIN2_WIDTH / 2000 / np.sqrt(1.0 - sin2)
-    assert (spike.solid_angle_density(sin2) * weight).sum() == pytest.approx(1.0, rel=1e-6)
-    drawn = spike.sample_sin2(np.random.default_rng(5), 200_000) / spike.SIN2_WIDTH
-    share = np.histogram(drawn, bins=10, range=(0.0, 1.0))[0] / drawn.size
-    edges = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(share, np.diff(2.0 * edges - edges**2), atol=4e-3)
 
 
 @pytest.mark.parametrize(
@@ -71,4 +61,4 @@ def test_density_integrates_to_one_and_describes_the_sampler():
 def test_says_what_is_wrong(spikes, text):
     one = np.ones((1, 1, 1))
     with pytest.raises(ValueError, match=text):
-        DSBRDF(theta_d=[0.1], kappa=one, gamma=one, beta=0.0 * one, spike=spikes)
+        Slices(theta_d=[0.1], kappa=one, gamma=one, beta=0.0 * one, spike=spikes)
