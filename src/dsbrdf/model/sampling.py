@@ -1,18 +1,19 @@
-"""The sampler of a model: directions from lobes, and the density they have. All renderers use its tables.
+"""The sampler of a model: directions from powers of the half vector's cosine, and the density they have.
 
-A renderer knows one direction only. For a row of angles of that direction, half vectors are drawn from a mixture of
-the lobes that the model has at this theta_d, channels merged into one; and directions are drawn from the cosine.
+All renderers use its tables. A renderer knows one direction only: for a row of angles of that direction, half vectors
+are drawn from a mixture of fixed powers of u = cos(theta_h), each half as wide as the one before it, and directions are
+drawn from the cosine.
 
-- A lobe is a mixture of cosine powers, with u = cos(theta_h) `expm1(kappa u^gamma) u^falloff =
-  sum kappa^n u^(n gamma + falloff) / n!`, so a draw is `u = xi^(1 / exponent)` with an exponent taken from an alias
-  table (Walker 1977; Vose 1991): one look-up. A cosine-weighted direction is one more power.
+- A draw from a power is `u = xi^(1 / exponent)`, with an exponent taken from an alias table (Walker 1977; Vose 1991):
+  one look-up. A cosine-weighted direction is one more power.
 - A half vector h and its image at the other azimuth are exchanged so that the one turned toward the direction is met
   in proportion to its projected area (Heitz and d'Eon 2014): few samples fall below the horizon.
 - The shares of the mixture are those of least Kullback-Leibler divergence from what is to be sampled, the value times
-  the cosine; a few steps of EM on quadrature nodes find them.
+  the cosine; some steps of EM on quadrature nodes find them.
 
-The azimuthal factor is left to the weight. The density of all this has a closed form, so a weight `value cos / pdf` is
-exact whatever the shares are.
+A lobe is itself a mixture of powers of the cosine, but the fixed ones sample as well as the lobes' own, cost one
+exponential for all of them, and suit any reflectance. The azimuthal factor is left to the weight. The density of all
+this has a closed form, so a weight `value cos / pdf` is exact whatever the shares are.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import gammaln
 
 from dsbrdf import _check
 from dsbrdf.geometry import half_diff
@@ -32,19 +32,19 @@ from dsbrdf.geometry.directions import polar
 from dsbrdf.model import evaluation
 from dsbrdf.model.lobes import Lobes
 
-__all__ = ["COSINE", "N_ROWS", "SamplingTables", "pdf", "sample", "tables", "tables_for"]
+__all__ = ["COSINE", "N_ROWS", "POWERS", "SamplingTables", "pdf", "sample", "tables", "tables_for"]
 
 Array = NDArray[np.float64]
 Value = Callable[[Array, Array], Array]
 
+#: Half vectors have densities `(power + 2) / (2 pi) u^(power + 1)` over solid angle.
+POWERS = 4.0 ** np.arange(11)
 #: Rows in the angle of the known direction: every three degrees.
 N_ROWS = 31
 #: Least share of cosine-weighted directions; covers what lobes leave out.
 MIN_COSINE_SHARE = 0.05
 #: Exponent that stands for a cosine-weighted direction.
 COSINE = -2.0
-#: Lobes dimmer than this are sampled as if they were as bright.
-MIN_KAPPA = 1e-9
 #: Steps of EM, all but the first three lengthened by this power: it halves the steps that are needed.
 EM_STEPS, EM_POWER = 30, 1.9
 
@@ -55,20 +55,12 @@ class SamplingTables:
 
     Parameters
     ----------
-    kappa, gamma, falloff : (row, lobe) ndarray
-        Of the lobes with all channels merged.
-    normaliser : (row, lobe) ndarray
-        Factor from `expm1(kappa u^gamma) u^(falloff + 1)` to a density of half vectors over solid angle.
-    shares : (row, lobe) ndarray
-        Of the lobes; the rest is the share of cosine-weighted directions.
+    shares : (row, power) ndarray
+        Of half vectors from `POWERS`; the rest is the share of cosine-weighted directions.
     alias : (row, entry, 3) ndarray
         Probability to stay with an entry, its exponent, and the exponent to take otherwise.
     """
 
-    kappa: Array
-    gamma: Array
-    falloff: Array
-    normaliser: Array
     shares: Array
     alias: Array
 
@@ -93,32 +85,31 @@ def tables(lobes: Lobes) -> SamplingTables:
     made = _made.get(lobes)
     if made is None:
         plain = lobes.numpy
-        made = tables_for(lambda wi, wo: evaluation.evaluate_numpy(plain, wi, wo), plain)
+        made = tables_for(lambda wi, wo: evaluation.evaluate_numpy(plain, wi, wo))
         # Arrays of other libraries may be changed in place, as optimisers do
         if all(isinstance(part, np.ndarray) for part in lobes.parts):
             _made[lobes] = made
     return made
 
 
-def tables_for(value: Value, lobes: Lobes) -> SamplingTables:
-    """Tables for any reflectance, from lobes that resemble it.
+def tables_for(value: Value) -> SamplingTables:
+    """Tables for any reflectance.
 
     Parameters
     ----------
     value : callable
         `value(wi, wo)` is (n, channel) in 1/sr for unit vectors (n, 3).
-    lobes : Lobes
     """
     nodes = _nodes()
-    kappa, gamma, _, falloff = lobes.at(nodes.theta_i)
-    # The height of a merged lobe is the mean of those of the channels
-    merged = np.maximum(np.log1p(np.expm1(kappa).mean(1)), MIN_KAPPA)
-    powers, normaliser = _powers(merged, gamma, falloff)
-    of_half = np.expm1(merged[..., None] * np.exp(gamma[..., None] * nodes.log_u))
-    of_half *= np.exp((falloff[..., None] + 1.0) * nodes.log_u) * normaliser[..., None]
-    share = _shares(nodes.integrand(value), of_half, nodes)
-    alias = _alias(powers * share[:, :-1, None], gamma, falloff, share[:, -1])
-    return SamplingTables(merged, gamma, falloff, normaliser, share[:, :-1], alias)
+    share = _shares(nodes.integrand(value), _densities(nodes.log_u), nodes)
+    return SamplingTables(share[:, :-1], _alias(share))
+
+
+def _densities(log_u: Array) -> Array:
+    """Density (power, ...) of half vectors over solid angle, of each power at ln u (...)."""
+    column = POWERS.reshape(-1, *(1,) * np.ndim(log_u))
+    density: Array = (column + 2.0) / (2.0 * np.pi) * np.exp((column + 1.0) * log_u)
+    return density
 
 
 def _row(cos_theta: Array) -> NDArray[np.int_]:
@@ -162,25 +153,12 @@ def pdf(lobes: Lobes, wi: ArrayLike, wo: ArrayLike) -> Array:
     length2 = (s * s).sum(1)
     log_u = 0.5 * np.log1p(-np.minimum((s[:, 0] ** 2 + s[:, 1] ** 2) / length2, 1.0 - 2.0**-53))
     row = _row(wo[:, 2])
-    half = np.zeros(len(s))
-    for k in range(made.kappa.shape[1]):
-        kappa, gamma, falloff = (x[row, k] for x in (made.kappa, made.gamma, made.falloff))
-        factor = (made.shares * made.normaliser)[row, k]
-        half += factor * np.expm1(kappa * np.exp(gamma * log_u)) * np.exp((falloff + 1.0) * log_u)
+    half = np.einsum("nk,kn->n", made.shares[row], _densities(log_u))
     length = np.sqrt(length2)
     cos_d = 0.5 * length
     image = np.maximum(2.0 * s[:, 2] / length * wo[:, 2] - cos_d, 0.0)
     density[above] = made.cosine[row] * wi[:, 2] / np.pi + 0.5 * half / (cos_d + image)
     return density
-
-
-def _powers(kappa: Array, gamma: Array, falloff: Array) -> tuple[Array, Array]:
-    """Probability (row, lobe, n) of the powers n = 1, 2, ... of lobes times u, and their normalisers (row, lobe)."""
-    n = np.arange(1.0, 2.0 ** np.ceil(np.log2(kappa.max() + 10.0 * np.sqrt(kappa.max()) + 8.0)) + 1.0)
-    exponent = n * gamma[..., None] + falloff[..., None] + 2.0
-    mass = np.exp(n * np.log(kappa)[..., None] - gammaln(n + 1.0) - np.log(exponent))
-    total = mass.sum(-1)
-    return mass / total[..., None], 1.0 / (2.0 * np.pi * total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,16 +214,16 @@ def _nodes() -> _Nodes:
 
 
 def _shares(target: Array, of_half: Array, nodes: _Nodes) -> Array:
-    """Shares (row, component) of lobes and cosine that bring the mixture near `target` (row, theta_h, phi)."""
-    n = of_half.shape[1]
+    """Shares (row, component) of powers and cosine that bring the mixture near `target` (row, theta_h, phi)."""
+    n = len(of_half)
     share = np.full((N_ROWS, n + 1), 1.0 / (n + 1))
     cosine = nodes.cos_o / np.pi
     for step in range(EM_STEPS):
-        mixture = np.einsum("rk,rkt->rt", share[:, :-1], of_half)[..., None] * nodes.to_pdf
+        mixture = (share[:, :-1] @ of_half)[..., None] * nodes.to_pdf
         mixture += share[:, -1, None, None] * cosine
         ratio = target / np.maximum(mixture, 1e-300)
         factor = np.empty(share.shape)
-        factor[:, :-1] = np.einsum("rkt,rt->rk", of_half, (ratio * nodes.to_pdf).sum(-1))
+        factor[:, :-1] = (ratio * nodes.to_pdf).sum(-1) @ of_half.T
         factor[:, -1] = (ratio * cosine).sum((1, 2))
         share *= factor if step < 3 else factor**EM_POWER
         share /= np.maximum(share.sum(1, keepdims=True), 1e-300)
@@ -256,14 +234,11 @@ def _shares(target: Array, of_half: Array, nodes: _Nodes) -> Array:
     return share
 
 
-def _alias(powers: Array, gamma: Array, falloff: Array, cosine: Array) -> Array:
-    """Alias tables (row, entry, 3) of the powers (row, lobe, n) and the cosine."""
-    n = np.arange(1.0, powers.shape[-1] + 1.0)
-    exponents = (n * gamma[..., None] + falloff[..., None] + 2.0).reshape(N_ROWS, -1)
-    exponents = np.column_stack([exponents, np.full(N_ROWS, COSINE)])
-    mass = np.column_stack([powers.reshape(N_ROWS, -1), cosine])
-    made = np.empty((*mass.shape, 3))
-    for table, of_row, exponent in zip(made, mass, exponents, strict=True):
+def _alias(share: Array) -> Array:
+    """Alias tables (row, entry, 3) of the shares (row, component) of powers and cosine."""
+    exponent = np.append(POWERS + 2.0, COSINE)
+    made = np.empty((*share.shape, 3))
+    for table, of_row in zip(made, share, strict=True):
         stay, other = _alias_row(of_row)
         table[:] = np.column_stack([stay, exponent, exponent[other]])
     return made

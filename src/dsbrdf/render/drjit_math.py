@@ -30,6 +30,8 @@ _EXP2M1 = (
     .convert(kind=np.polynomial.Polynomial)
     .coef.tolist()
 )
+#: A number whose last bit counts ones: added to another it rounds it, and its last bits hold the integer. And the bits of 1.
+_INTEGERS, _ONE = 1.5 * 2.0**23, 127 << 23
 #: Squares of lengths below this are zero.
 _TINY = 1e-20
 
@@ -39,12 +41,13 @@ def _split(x: Any) -> tuple[Any, Any]:
     import drjit as dr
 
     mi = import_mitsuba()
-    n = dr.round(dr.detach(x))
-    f = x - n
+    shifted = dr.detach(x) + _INTEGERS
+    f = x - (shifted - _INTEGERS)
     total = _EXP2M1[-1]
     for coefficient in _EXP2M1[-2::-1]:
         total = dr.fma(total, f, coefficient)
-    return dr.reinterpret_array(mi.Float, (mi.Int(n) + 127) << 23), f * total
+    exponent = dr.reinterpret_array(mi.Int, shifted) << 23
+    return dr.reinterpret_array(mi.Float, exponent + _ONE), f * total
 
 
 def exp2(x: Any) -> Any:
@@ -76,13 +79,12 @@ def log2_cos(sin2: Any, cos2: Any) -> Any:
 
 @dataclass(frozen=True)
 class Pair:
-    """What a reflectance needs of two directions; `half_z` and `cos_d` also give the density of half vectors."""
+    """What a reflectance needs of two directions; `half_z` and `cos_d` are the cosines of theta_h and theta_d."""
 
     sin2: Any
     log2_u: Any  # ln2 cos(theta_h)
     half_z: Any
     cos_d: Any
-    theta_d: Any
     sum: Any
     difference: Any
     length2: Any  # of the sum
@@ -99,6 +101,12 @@ class Pair:
         return dr.select(
             product > _TINY**1.5, (along2 - across2) * dr.rsqrt(dr.maximum(product, _TINY**1.5)), 0.0
         )
+
+    def theta_d(self) -> Any:
+        """Half the angle between the directions."""
+        import drjit as dr
+
+        return dr.atan2(dr.sqrt(dr.maximum(dr.squared_norm(self.difference), _TINY)), dr.sqrt(self.length2))
 
     def theta_h(self) -> Any:
         """Angle between half vector and normal."""
@@ -125,14 +133,14 @@ def pair(wi: Any, wo: Any) -> Pair:
     inverse = dr.rcp(length2)
     sin2, cos2 = rho2 * inverse, s.z * s.z * inverse
     length = dr.sqrt(length2)
-    theta_d = dr.atan2(dr.sqrt(dr.maximum(dr.squared_norm(d), _TINY)), length)
-    return Pair(sin2, log2_cos(sin2, cos2), s.z * length * inverse, 0.5 * length, theta_d, s, d, length2)
+    return Pair(sin2, log2_cos(sin2, cos2), s.z * length * inverse, dr.minimum(0.5 * length, 1.0), s, d, length2)
 
 
 def packets(array: Any) -> Any:
-    """A buffer with the last axis of `array`, three or fewer long, padded to four: one look-up fetches it."""
+    """A buffer with the last axis of `array`, four or fewer long, padded to four: one look-up fetches it."""
     mi = import_mitsuba()
     array = np.asarray(array, dtype=np.float32)
     padded = np.zeros((*array.shape[:-1], 4), dtype=np.float32)
     padded[..., : array.shape[-1]] = array
-    return mi.Float(padded.ravel())
+    # Memory of NumPy's has no alignment that Dr.Jit knows of, and inside of a scene each number would be fetched alone
+    return mi.Float(padded.ravel().tolist())

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf.paper.spike import SIN2_WIDTH
+from dsbrdf.model.sampling import COSINE, N_ROWS, POWERS, SamplingTables
 from dsbrdf.render import drjit_math
-from dsbrdf.render.sampling_tables import COSINE, N_ROWS, SamplingTables
 from dsbrdf.render.variants import import_mitsuba, once_a_variant
 
 __all__ = ["base_class"]
+
+#: A power of the cosine that is not made from the one before it: squaring doubles errors.
+ANEW = 4.0**5
 
 
 @once_a_variant
@@ -38,40 +40,41 @@ def base_class() -> type[Any]:
 
         def set_tables(self, tables: SamplingTables) -> None:
             """Sample from these tables."""
-            lobes = tables.lobes * [drjit_math.LOG2_E, 1.0, 1.0]
-            self._n_lobes = lobes.shape[1]
-            self._lobes = drjit_math.packets(lobes)
-            cosine, spike = tables.shares[:, :1], tables.shares[:, 1:]
-            self._shares = drjit_math.packets(
-                np.concatenate([cosine / np.pi, spike * 2.0 / (np.pi * SIN2_WIDTH)], 1)
-            )
-            self._has_spike = bool((spike > 0.0).any())
+            weight = tables.shares * (POWERS + 2.0) / (4.0 * np.pi)
+            weight = np.column_stack([weight, tables.cosine / np.pi])
+            self._weights = drjit_math.packets(weight.reshape(N_ROWS, -1, 4))
+            self._n_packets = weight.shape[1] // 4
             self._n_entries = tables.alias.shape[1]
             self._alias = drjit_math.packets(tables.alias)
 
         def _row(self, cos_i: Any) -> Any:
-            return mi.UInt32(dr.fma(dr.safe_acos(cos_i), (N_ROWS - 1) / (0.5 * np.pi), 0.5))
+            """Row of an angle. Always in range, so that look-ups need no mask, and are shared where `cos_i` is."""
+            row = mi.UInt32(dr.fma(dr.safe_acos(cos_i), (N_ROWS - 1) / (0.5 * np.pi), 0.5))
+            return dr.minimum(row, N_ROWS - 1)
 
-        def _density(self, pair: drjit_math.Pair, wi: Any, wo: Any, active: Any) -> Any:
+        def _density(self, pair: drjit_math.Pair, wi: Any, wo: Any) -> Any:
             """Density of `_draw` over solid angle of directions."""
-            row = self._row(wi.z)
-            half = mi.Float(0.0)
-            for k in range(self._n_lobes):
-                lobe = dr.gather(mi.Vector4f, self._lobes, row * self._n_lobes + k, active)
-                power = drjit_math.exp2(lobe.y * pair.log2_u)
-                half = dr.fma(lobe.z, drjit_math.exp2m1(lobe.x * power), half)
-            shares = dr.gather(mi.Vector4f, self._shares, row, active)
-            if self._has_spike:
-                half = dr.fma(shares.y, dr.maximum(1.0 - pair.sin2 / SIN2_WIDTH, 0.0), half)
-            half *= pair.half_z
+            first = self._row(wi.z) * self._n_packets
+            *weights, of_cosine = (
+                weight
+                for i in range(self._n_packets)
+                for weight in dr.gather(mi.Vector4f, self._weights, first + i)
+            )
+            power, half = pair.half_z, mi.Float(0.0)
+            for exponent, weight in zip(POWERS.tolist(), weights, strict=True):
+                if exponent == ANEW:
+                    power = drjit_math.exp2(exponent * pair.log2_u)
+                elif exponent > 1.0:
+                    power = dr.square(dr.square(power))
+                half = dr.fma(weight, power, half)
             image = dr.maximum(2.0 * pair.half_z * wi.z - pair.cos_d, 0.0)
-            return dr.fma(shares.x, wo.z, 0.5 * half / (pair.cos_d + image))
+            return dr.fma(of_cosine, wo.z, pair.half_z * half / (pair.cos_d + image))
 
-        def _draw(self, wi: Any, sample1: Any, sample2: Any, active: Any) -> Any:
+        def _draw(self, wi: Any, sample1: Any, sample2: Any) -> Any:
             """A direction for `wi`."""
             place = sample1 * self._n_entries
             entry = dr.minimum(mi.UInt32(place), self._n_entries - 1)
-            packet = dr.gather(mi.Vector4f, self._alias, self._row(wi.z) * self._n_entries + entry, active)
+            packet = dr.gather(mi.Vector4f, self._alias, self._row(wi.z) * self._n_entries + entry)
             rest = place - mi.Float(entry)
             stay = rest < packet.x
             exponent = dr.select(stay, packet.y, packet.z)
@@ -81,8 +84,6 @@ def base_class() -> type[Any]:
             # sin^2 = 1 - xi^(2 / exponent), precise near the pole
             log2_xi = dr.log2(1.0 - sample2.x)
             sin2 = -_minus_one(2.0 * log2_xi / dr.abs(exponent))
-            if self._has_spike:
-                sin2 = dr.select(exponent == 0.0, SIN2_WIDTH * (1.0 - dr.sqrt(1.0 - sample2.x)), sin2)
             sin_phi, cos_phi = dr.sincos(2.0 * dr.pi * sample2.y)
             sin_theta = dr.safe_sqrt(sin2)
             m = mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, dr.safe_sqrt(1.0 - sin2))
@@ -99,7 +100,7 @@ def base_class() -> type[Any]:
             pair = drjit_math.pair(si.wi, wo)
             value = self._value(pair, active) * wo.z
             return dr.select(active, value, 0.0), dr.select(
-                active, self._density(pair, si.wi, wo, active), 0.0
+                active, self._density(pair, si.wi, wo), 0.0
             )
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
@@ -109,14 +110,14 @@ def base_class() -> type[Any]:
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             active &= self._seen(ctx, si.wi, wo)
             pair = drjit_math.pair(si.wi, wo)
-            return dr.select(active, self._density(pair, si.wi, wo, active), 0.0)
+            return dr.select(active, self._density(pair, si.wi, wo), 0.0)
 
         def sample(
             self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
         ) -> tuple[Any, Any]:
             active &= self._seen(ctx, si.wi, si.wi)
             record = mi.BSDFSample3f()
-            record.wo = self._draw(si.wi, sample1, sample2, active)
+            record.wo = self._draw(si.wi, sample1, sample2)
             record.eta = 1.0
             record.sampled_component = 0
             record.sampled_type = +mi.BSDFFlags.GlossyReflection

@@ -1,11 +1,10 @@
 """The plugin `dsbrdf_measured` for Mitsuba 3: a measured table as a bsdf.
 
-Values are those of `MeasuredBRDF.eval`. Directions are drawn from lobes fitted to the table, with their exact density.
+Values are those of `MeasuredBRDF.eval`. Directions are drawn as those of a model, by tables of `dsbrdf.model.sampling`.
 """
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -14,18 +13,15 @@ from dsbrdf.geometry.grids import CONVENTIONS, cell_angles
 from dsbrdf.measured import read
 from dsbrdf.measured.lookup import evaluate, fill_invalid
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
-from dsbrdf.paper.fit_measured import ConvergenceWarning, fit
+from dsbrdf.model import sampling
 from dsbrdf.render import drjit_math
 from dsbrdf.render.half_vector_bsdf import base_class
-from dsbrdf.render.sampling_tables import sampling_tables
 from dsbrdf.render.variants import import_mitsuba, once_a_variant
 
 __all__ = ["PLUGIN", "measured_class", "to_dict"]
 
 #: Name of the plugin in scenes.
 PLUGIN = "dsbrdf_measured"
-#: Of the fit that directions are drawn from.
-N_LOBES = 3
 
 
 def to_dict(measured: MeasuredBRDF) -> dict[str, Any]:
@@ -107,24 +103,13 @@ def measured_class() -> type[Any]:
             self._texture = mi.Texture3f(mi.TensorXf(around.astype(np.float32)), use_accel=False)
             self._cells = measured.planes.shape[1:]
             self._offset = 0.0 if measured.convention == "centre" else 0.5
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                model = fit(measured, N_LOBES, azimuthal=False).model
-            self.set_tables(
-                sampling_tables(
-                    lambda wi, wo: evaluate(measured, filled, wi, wo),
-                    model.theta_d,
-                    model.kappa,
-                    model.gamma,
-                    model.spike,
-                )
-            )
+            self.set_tables(sampling.tables_for(lambda wi, wo: evaluate(measured, filled, wi, wo)))
 
         def _value(self, pair: drjit_math.Pair, active: Any) -> Any:
             n_h, n_d, n_phi = self._cells
             right = 2.0 / np.pi
             h = dr.sqrt(pair.theta_h() * right) + self._offset / n_h
-            d = pair.theta_d * right + self._offset / n_d
+            d = pair.theta_d() * right + self._offset / n_d
             phi = (pair.phi_d() / np.pi * n_phi + self._offset + 1.0) / (n_phi + 2)
             return mi.Color3f(self._texture.eval(mi.Point3f(phi, d, h), active))
 

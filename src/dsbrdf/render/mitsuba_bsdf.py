@@ -1,32 +1,36 @@
 """The plugin `dsbrdf` for Mitsuba 3: a fitted model as a bsdf, differentiable in its parameters.
 
-`dsbrdf.render.register` makes it known; `docs/mitsuba.md` describes it for the author of a scene.
+`dsbrdf.render.register` makes it known; `docs/mitsuba.md` describes it for the author of a scene. Values come from the
+curves: the functions of a curve over x = cos(theta_d) are computed once for all lobes, and their coefficients are
+numbers of the kernel, so that nothing is looked up; one power serves all channels of a lobe.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
 import numpy as np
 
-from dsbrdf.model import evaluation
 from dsbrdf.model import file as model_file
+from dsbrdf.model import sampling
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.spike import SIN2_WIDTH
+from dsbrdf.model.lobes import Lobes
 from dsbrdf.render import drjit_math
+from dsbrdf.render.drjit_math import LOG2_E
 from dsbrdf.render.half_vector_bsdf import base_class
-from dsbrdf.render.sampling_tables import sampling_tables
 from dsbrdf.render.variants import import_mitsuba, once_a_variant
 
 __all__ = ["PLUGIN", "dsbrdf_class", "to_dict"]
 
 #: Name of the plugin in scenes.
 PLUGIN = "dsbrdf"
-ARRAYS = ("theta_d", "kappa", "gamma", "beta", "spike")
-#: Gammas below this are Lambertian to single precision, and have a logarithm.
-MIN_GAMMA = 1e-6
+ARRAYS = tuple(field.name for field in dataclasses.fields(Lobes))
 #: Largest kappa whose lobe is a number in single precision.
-MAX_KAPPA = drjit_math.MAX_EXPONENT / drjit_math.LOG2_E
+MAX_KAPPA = drjit_math.MAX_EXPONENT / LOG2_E
+#: The same of its logarithm to the base 2, and the largest power of two of a lobe's factor.
+MAX_LOG2, MAX_FACTOR = math.log2(drjit_math.MAX_EXPONENT), 60.0
 
 
 def to_dict(model: DSBRDF) -> dict[str, Any]:
@@ -39,12 +43,14 @@ def to_dict(model: DSBRDF) -> dict[str, Any]:
     Returns
     -------
     dict
-        Of the plugin `dsbrdf`, with the arrays as tensors of the variant that is set.
+        Of the plugin `dsbrdf`, with the arrays of its lobes as tensors of the variant that is set.
     """
     mi = import_mitsuba()
 
+    lobes = model.lobes.numpy
+    # Mitsuba tries to make a colour of a tensor whose first axis is 3 long, and complains: put one more axis in front
     return {"type": PLUGIN} | {
-        name: mi.TensorXf(np.asarray(getattr(model, name), dtype=np.float32)) for name in ARRAYS
+        name: mi.TensorXf(getattr(lobes, name).astype(np.float32)[None]) for name in ARRAYS
     }
 
 
@@ -59,37 +65,33 @@ def _model_of(props: Any) -> DSBRDF:
                 f"bsdf {PLUGIN!r}: give either 'filename' or arrays, got 'filename' and {given[0]!r}."
             )
         return model_file.load(str(mi.file_resolver().resolve(props["filename"])))
-    for name in ARRAYS[:3]:
+    for name in ARRAYS[:2]:
         if name not in given:
             raise ValueError(
-                f"bsdf {PLUGIN!r}: 'filename' of a model, or the arrays 'theta_d', 'kappa' and 'gamma' are needed; "
+                f"bsdf {PLUGIN!r}: 'filename' of a model, or the arrays 'scale' and 'gamma' are needed; "
                 f"{name!r} is missing."
             )
-    arrays: dict[str, Any] = {name: np.array(props[name], dtype=np.float64) for name in given}
-    arrays.setdefault("beta", np.zeros_like(arrays["kappa"]))
-    return DSBRDF(**arrays, name=props.id())
+    arrays: dict[str, Any] = {}
+    for name in given:
+        array = np.array(props[name], dtype=np.float64)
+        arrays[name] = array[0] if array.ndim == (4 if name == "colour" else 3) and len(array) == 1 else array
+    n_lobes = len(arrays["scale"])
+    for name, shape in (("beta", (n_lobes, 1)), ("falloff", (n_lobes, 1)), ("colour", (1, n_lobes, 1))):
+        arrays.setdefault(name, np.zeros(shape))
+    return DSBRDF(Lobes(**arrays), name=props.id())
 
 
-def _checked(model: DSBRDF) -> DSBRDF:
-    """The model with three channels.
-
-    Raises
-    ------
-    ValueError
-        If it has another number than one or three, or is out of the range of single precision.
-    """
-    if model.n_channels not in (1, 3):
+def _check(lobes: Lobes) -> None:
+    """Raise ValueError if there are other channels than one or three, or kappa leaves single precision."""
+    if lobes.n_channels not in (1, 3):
         raise ValueError(
-            f"bsdf {PLUGIN!r}: an rgb variant needs 1 or 3 channels, the model has {model.n_channels}."
+            f"bsdf {PLUGIN!r}: an rgb variant needs 1 or 3 channels, the model has {lobes.n_channels}."
         )
-    if (largest := float(model.kappa.max())) > MAX_KAPPA:
+    largest = float(lobes.at(np.linspace(0.0, np.pi / 2, 91)).kappa.max())
+    if largest > MAX_KAPPA:
         raise ValueError(
             f"bsdf {PLUGIN!r}: 'kappa' must be at most {MAX_KAPPA:.0f} in single precision, got {largest:g}."
         )
-    if model.n_channels == 3:
-        return model
-    parts = {name: np.repeat(getattr(model, name), 3, axis=1) for name in ARRAYS[1:]}
-    return model.replace(**parts)
 
 
 @once_a_variant
@@ -99,103 +101,114 @@ def dsbrdf_class() -> type[Any]:
 
     mi = import_mitsuba()
 
-    def flat_packets(tensor: Any) -> Any:
-        """A tensor (theta_d, channel, ...) as packets of four channels, gradients kept."""
-        shape = tensor.shape
-        channel = np.arange(4) % 3
-        order = np.moveaxis(np.arange(np.prod(shape)).reshape(shape)[:, channel], 1, -1)
-        return dr.gather(mi.Float, tensor.array, mi.UInt32(order.ravel().astype(np.uint32)))
+    class Curves:
+        """Curves over x that share a size; gradients reach the tensor they come from."""
+
+        def __init__(self, tensor: Any, scale: float = 1.0, shift: float = 0.0) -> None:
+            """Of a tensor (..., coefficient), times `scale`, plus `shift`."""
+            self.size = tensor.shape[-1]
+            self.constant: list[Any] = []
+            self.rises: list[list[Any]] = []
+            for first in range(0, math.prod(tensor.shape), self.size):
+                numbers = [dr.gather(mi.Float, tensor.array, mi.UInt32(first + i)) for i in range(self.size)]
+                self.constant.append(dr.fma(numbers[0], scale, shift))
+                self.rises.append([(b - a) * scale for a, b in zip(numbers, numbers[1:], strict=False)])
+            dr.eval(self.constant, self.rises)
+            # What is zero, and stays it, costs nothing
+            self.any = shift != 0.0 or dr.grad_enabled(tensor) or bool(np.any(np.array(dr.detach(tensor))))
+
+        def at(self, curve: int, functions: dict[int, list[Any]]) -> Any:
+            """Value of a curve where the functions have these values."""
+            total = self.constant[curve]
+            for rise, function in zip(self.rises[curve], functions[self.size], strict=True):
+                total = dr.fma(rise, function, total)
+            return total
+
+    def functions_of(x: Any, size: int) -> list[Any]:
+        """Functions that rise from 0 to 1 over x: a curve is its first coefficient and what it rises by times these.
+
+        They are the sums of the functions of `dsbrdf.model.lobes.curve_design` from the second, third, ... on.
+        """
+        if size < 3:
+            return [x] * (size - 1)
+        spans = size - 2
+        places = [dr.clip(dr.fma(x, float(spans), -float(i)), 0.0, 1.0) for i in range(spans)]
+        begin = [1.0 - dr.square(1.0 - u) for u in places]
+        end = [dr.square(u) for u in places]
+        inner = [0.5 * (end[i] + begin[i + 1]) for i in range(spans - 1)]
+        return [begin[0], *inner, end[-1]]
 
     class DSBRDFBSDF(base_class()):  # type: ignore[misc]
         """The plugin."""
 
         def __init__(self, props: Any) -> None:
             super().__init__(props)
-            model = _checked(_model_of(props))
+            model = _model_of(props)
+            _check(model.lobes)
             self._name = model.name
-            self._theta_d = model.theta_d
-            self._n_slices, _, self._n = model.kappa.shape
-            gaps = np.diff(model.theta_d)
-            self._even = self._n_slices > 1 and bool(np.ptp(gaps) < 1e-6)
-            self._theta = mi.Float(model.theta_d)
-            self.log_kappa = mi.TensorXf(np.log(model.kappa).astype(np.float32))
-            self.log_gamma = mi.TensorXf(np.log(np.maximum(model.gamma, MIN_GAMMA)).astype(np.float32))
-            self.beta = mi.TensorXf(model.beta.astype(np.float32))
-            self.spike = mi.TensorXf(model.spike.astype(np.float32))
+            self._n, self._n_channels = model.n_lobes, model.n_channels
+            for name in ARRAYS:
+                setattr(self, name, mi.TensorXf(getattr(model.lobes, name).astype(np.float32)))
             self.parameters_changed([])
 
         def traverse(self, callback: Any) -> None:
-            for name in ("log_kappa", "log_gamma", "beta", "spike"):
+            for name in ARRAYS:
                 callback.put(name, getattr(self, name), mi.ParamFlags.Differentiable)
 
         def parameters_changed(self, _keys: Any) -> None:
-            scale = dr.minimum(dr.exp(self.log_kappa.array) * drjit_math.LOG2_E, drjit_math.MAX_EXPONENT)
-            self._kappa = flat_packets(mi.TensorXf(scale, self.log_kappa.shape))
-            self._gamma = flat_packets(mi.TensorXf(dr.exp(self.log_gamma.array), self.log_gamma.shape))
-            self._beta, self._spike = flat_packets(self.beta), flat_packets(self.spike)
-            # What is zero, and stays it, costs nothing
-            self._with_beta, self._with_height = (
-                dr.grad_enabled(x) or bool(np.any(np.array(dr.detach(x)))) for x in (self.beta, self.spike)
-            )
+            # Everything to the base 2: kappa is that of exp2m1
+            self._scale = Curves(self.scale, LOG2_E, math.log2(LOG2_E))
+            self._gamma = Curves(self.gamma, LOG2_E)
+            self._beta = Curves(self.beta, LOG2_E)
+            self._falloff = Curves(self.falloff)
+            self._colour = Curves(self.colour, LOG2_E)
+            if self._colour.size == 1:
+                self._tint = [drjit_math.exp2(c) for c in self._colour.constant]
+                dr.eval(self._tint)
+            self._sizes = {
+                c.size for c in (self._scale, self._gamma, self._beta, self._falloff, self._colour)
+            }
             # Exact with any tables: an optimiser's steps need not pay for new ones
-            if dr.grad_enabled(self.log_kappa, self.log_gamma, self.beta, self.spike):
-                return
-            kappa, gamma, beta, spike = (
-                np.array(x, dtype=np.float64)
-                for x in (dr.exp(self.log_kappa), dr.exp(self.log_gamma), self.beta, self.spike)
-            )
-            self.set_tables(
-                sampling_tables(
-                    lambda wi, wo: evaluation.evaluate(wi, wo, self._theta_d, kappa, gamma, beta, spike),
-                    self._theta_d, kappa, gamma, spike,
-                )
-            )  # fmt: skip
+            tensors = [getattr(self, name) for name in ARRAYS]
+            if not dr.grad_enabled(*tensors):
+                self.set_tables(sampling.tables(Lobes(*(np.array(t, dtype=np.float64) for t in tensors))))
 
-        def _slice(self, theta_d: Any, active: Any) -> tuple[Any, Any]:
-            """Index of the slice below and the weight of the one above."""
-            if self._n_slices == 1:
-                return mi.UInt32(0), mi.Float(0.0)
-            last = self._n_slices - 2
-            if self._even:
-                low, high = self._theta_d[[0, -1]]
-                place = (theta_d - low) * ((last + 1) / (high - low))
-                index = mi.UInt32(dr.clip(place, 0.0, last))
-                return index, dr.clip(place - mi.Float(index), 0.0, 1.0)
-            index = dr.binary_search(  # type: ignore[no-untyped-call]
-                0, last, lambda i: dr.gather(mi.Float, self._theta, i + 1, active) <= theta_d
-            )
-            low, high = (dr.gather(mi.Float, self._theta, index + i, active) for i in (0, 1))
-            return index, dr.clip((theta_d - low) / (high - low), 0.0, 1.0)
-
-        def _value(self, pair: drjit_math.Pair, active: Any) -> Any:
-            index, weight = self._slice(pair.theta_d, active)
-            azimuth = pair.azimuth() if self._with_beta else None
-            cap = dr.maximum(1.0 - pair.sin2 / SIN2_WIDTH, 0.0) if self._with_height else None
-            low = self._at_slice(index, pair.log2_u, azimuth, cap, active)
-            if self._n_slices == 1:
-                return low
-            return dr.lerp(low, self._at_slice(index + 1, pair.log2_u, azimuth, cap, active), weight)
-
-        def _at_slice(self, index: Any, log2_u: Any, azimuth: Any, cap: Any, active: Any) -> Any:
-            """The sum over lobes, and the spike, of a slice."""
-            total = mi.Color3f(0.0)
+        def _value(self, pair: drjit_math.Pair, _active: Any) -> Any:
+            functions = {size: functions_of(pair.cos_d, size) for size in self._sizes}
+            azimuth = pair.azimuth() if self._beta.any else None
+            channels = [mi.Float(0.0) for _ in range(self._n_channels)]
             for k in range(self._n):
-                at = index * self._n + k
-                kappa = dr.gather(mi.Vector4f, self._kappa, at, active)
-                gamma = dr.gather(mi.Vector4f, self._gamma, at, active)
-                beta = dr.gather(mi.Vector4f, self._beta, at, active) if azimuth is not None else None
-                for c in range(3):
-                    lobe = drjit_math.exp2m1(kappa[c] * drjit_math.exp2(gamma[c] * log2_u))
-                    total[c] += lobe if beta is None else lobe * dr.fma(beta[c], azimuth, 1.0)
-            if cap is not None:
-                height = dr.gather(mi.Vector4f, self._spike, index, active)
-                total += mi.Color3f(height.x, height.y, height.z) * cap
-            return total
+                gamma = drjit_math.exp2(self._gamma.at(k, functions))
+                power = dr.fma(gamma, pair.log2_u, self._scale.at(k, functions))
+                factor = self._factor(k, functions, pair.log2_u, azimuth)
+                for c, exponent in enumerate(self._exponents(k, functions, power)):
+                    lobe = drjit_math.exp2m1(exponent)
+                    channels[c] = channels[c] + lobe if factor is None else dr.fma(lobe, factor, channels[c])
+            return mi.Color3f(*channels)
+
+        def _factor(self, k: int, functions: dict[int, list[Any]], log2_u: Any, azimuth: Any) -> Any:
+            """What falloff and beta make of a lobe; None if nothing."""
+            exponent = None
+            if self._falloff.any:
+                exponent = self._falloff.at(k, functions) * log2_u
+            if azimuth is not None:
+                of_azimuth = self._beta.at(k, functions) * azimuth
+                exponent = of_azimuth if exponent is None else exponent + of_azimuth
+            return None if exponent is None else drjit_math.exp2(dr.minimum(exponent, MAX_FACTOR))
+
+        def _exponents(self, k: int, functions: dict[int, list[Any]], power: Any) -> list[Any]:
+            """`kappa u^gamma` of each channel, to the base 2."""
+            of_lobe = [c * self._n + k for c in range(self._n_channels)]
+            if self._colour.size > 1:
+                powers = [power + self._colour.at(i, functions) for i in of_lobe]
+                return [drjit_math.exp2(dr.minimum(p, MAX_LOG2)) for p in powers]
+            common = drjit_math.exp2(dr.minimum(power, MAX_LOG2))
+            return [dr.minimum(common * self._tint[i], drjit_math.MAX_EXPONENT) for i in of_lobe]
 
         def to_string(self) -> str:
             return (
-                f"DSBRDF[\n  name = {self._name!r},\n  lobes = {self._n},\n  slices = {self._n_slices},\n"
-                f"  azimuthal = {self._with_beta},\n  spike = {self._with_height}\n]"
+                f"DSBRDF[\n  name = {self._name!r},\n  lobes = {self._n},\n  channels = {self._n_channels},\n"
+                f"  azimuthal = {self._beta.any}\n]"
             )
 
         __repr__ = to_string

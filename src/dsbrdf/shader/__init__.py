@@ -32,26 +32,24 @@ def sources() -> dict[str, str]:
 
 
 def texels(lobes: Lobes) -> NDArray[np.float64]:
-    """All numbers of a shader, (lobe, column, 4); `texture.glsl` says which column holds what.
+    """All numbers of a shader, (texel, 4); `texture.glsl` says what they are.
 
     Parameters
     ----------
     lobes : Lobes
         Of three channels.
     """
-    lobes, tables = lobes.numpy, sampling.tables(lobes)
+    tables, lobes = sampling.tables(lobes), lobes.numpy
     sizes = [getattr(lobes, name).shape[1] for name in SHARED]
-    most = max(*sizes, lobes.colour.shape[2])
-    packed = np.zeros((lobes.n_lobes, 2 + 2 * most + 2 * sampling.N_ROWS, 4))
-    packed[:, 0] = sizes
-    packed[:, 1, 0] = lobes.colour.shape[2]
+    of_colour = lobes.colour.shape[2]
+    most = max(*sizes, of_colour)
+    header = [sizes, [of_colour, most, lobes.n_lobes, 0]]
+    curves = np.zeros((lobes.n_lobes, 2 * most, 4))
     for i, (name, size) in enumerate(zip(SHARED, sizes, strict=True)):
-        packed[:, 2 : 2 + size, i] = getattr(lobes, name)
-    packed[:, 2 + most : 2 + most + lobes.colour.shape[2], :3] = lobes.colour.transpose(1, 2, 0)
-    of_rows = packed[:, 2 + 2 * most :].reshape(lobes.n_lobes, sampling.N_ROWS, 2, 4)
-    of_rows[:, :, 0] = np.stack([tables.kappa, tables.gamma, tables.falloff, tables.normaliser], axis=-1).swapaxes(0, 1)
-    of_rows[:, :, 1, 0] = tables.shares.T
-    return packed
+        curves[:, :size, i] = getattr(lobes, name)
+    curves[:, most : most + of_colour, :3] = lobes.colour.transpose(1, 2, 0)
+    shares = np.column_stack([tables.shares, tables.cosine])
+    return np.concatenate([header, curves.reshape(-1, 4), shares.reshape(-1, 4)])
 
 
 def baked(model: DSBRDF) -> str:
@@ -90,15 +88,12 @@ def _constants() -> str:
 
 
 def _numbers(packed: NDArray[np.float64]) -> str:
-    """Texels (lobe, column, 4) as an array, and the functions that read them, as `texture.glsl` has them."""
-    n_lobes, n_columns = packed.shape[:2]
-    entries = [f"vec4({', '.join(map(_number, texel))})" for texel in packed.reshape(-1, 4)]
-    n = len(entries)
+    """Texels as an array, and the function that reads them, as `texture.glsl` has it."""
+    n = len(packed)
+    entries = [f"vec4({', '.join(map(_number, texel))})" for texel in packed]
     return (
         f"const vec4 DSBRDF_TEXELS[{n}] = vec4[{n}](\n    " + ",\n    ".join(entries) + ");\n"
-        f"int dsbrdf_n_lobes() {{ return {n_lobes}; }}\n"
-        f"int dsbrdf_n_columns() {{ return {n_columns}; }}\n"
-        f"vec4 dsbrdf_texel(int lobe, int column) {{ return DSBRDF_TEXELS[lobe * {n_columns} + column]; }}\n"
+        "vec4 dsbrdf_texel(int i) { return DSBRDF_TEXELS[i]; }\n"
     )
 
 

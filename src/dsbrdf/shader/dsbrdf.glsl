@@ -5,9 +5,9 @@
 //   float dsbrdf_pdf(vec3 wi, vec3 wo)     density with which dsbrdf_sample draws wi, 1/sr
 //
 // wi and wo are unit vectors toward the light and the viewer in a frame whose z is the normal. A direction drawn
-// below the horizon carries no light. In front of this text stand the numbers: constants, and the functions
-// dsbrdf_n_lobes, dsbrdf_n_columns and dsbrdf_texel(lobe, column), whose columns texture.glsl of dsbrdf.shader tells:
-// sizes of curves, coefficients of curves over cos(theta_d), and the sampler's rows over the angle of wo.
+// below the horizon carries no light. In front of this text stand the numbers: constants, and the function
+// dsbrdf_texel(i). texture.glsl of dsbrdf.shader says what the texels are: coefficients of curves over cos(theta_d), and
+// the shares of the sampler.
 
 const float DSBRDF_PI = 3.14159265358979;
 // What single precision holds: of ln(kappa), and of exponents
@@ -75,79 +75,59 @@ vec3 dsbrdf_basis(int size, float x, out int index) {
     return vec3(low, 1.0 - low - high, high);
 }
 
-// Sum of up to three texels of a lobe
-vec4 dsbrdf_curve(int lobe, int column, int size, float x) {
+// Sum of the coefficients of a curve, one a texel, times these functions
+vec4 dsbrdf_curve(int first, int size, float x) {
     int index;
     vec3 basis = dsbrdf_basis(size, x, index);
-    vec4 value = basis.x * dsbrdf_texel(lobe, column + index);
-    if (size > 1) value += basis.y * dsbrdf_texel(lobe, column + index + 1);
-    if (size > 2) value += basis.z * dsbrdf_texel(lobe, column + index + 2);
+    vec4 value = basis.x * dsbrdf_texel(first + index);
+    if (size > 1) value += basis.y * dsbrdf_texel(first + index + 1);
+    if (size > 2) value += basis.z * dsbrdf_texel(first + index + 2);
     return value;
-}
-
-// Greatest size of a curve
-int dsbrdf_most() {
-    return (dsbrdf_n_columns() - 2 - 2 * DSBRDF_N_ROWS) / 2;
 }
 
 vec3 dsbrdf_eval(vec3 wi, vec3 wo) {
     if (wi.z < 0.0 || wo.z < 0.0) return vec3(0.0);
     dsbrdf_Coordinates at = dsbrdf_from_directions(wi, wo);
-    ivec4 sizes = ivec4(dsbrdf_texel(0, 0));
-    int of_colour = int(dsbrdf_texel(0, 1).x), most = dsbrdf_most();
+    ivec4 sizes = ivec4(dsbrdf_texel(0)), more = ivec4(dsbrdf_texel(1));
+    int first = 2, most = more.y;
     vec3 value = vec3(0.0);
-    for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
-        float scale = dsbrdf_curve(k, 2, sizes.x, at.cos_d).x;
-        float gamma = exp(dsbrdf_curve(k, 2, sizes.y, at.cos_d).y);
-        float beta = dsbrdf_curve(k, 2, sizes.z, at.cos_d).z;
-        float falloff = dsbrdf_curve(k, 2, sizes.w, at.cos_d).w;
-        vec3 colour = dsbrdf_curve(k, 2 + most, of_colour, at.cos_d).xyz;
+    for (int k = 0; k < more.z; ++k) {
+        float scale = dsbrdf_curve(first, sizes.x, at.cos_d).x;
+        float gamma = exp(dsbrdf_curve(first, sizes.y, at.cos_d).y);
+        float beta = dsbrdf_curve(first, sizes.z, at.cos_d).z;
+        float falloff = dsbrdf_curve(first, sizes.w, at.cos_d).w;
+        vec3 colour = dsbrdf_curve(first + most, more.x, at.cos_d).xyz;
         vec3 power = exp(min(scale + colour + gamma * at.log_cos, DSBRDF_MAX_LN_KAPPA));
         value += dsbrdf_expm1(power) * exp(min(beta * at.azimuth + falloff * at.log_cos, DSBRDF_MAX_EXPONENT));
+        first += 2 * most;
     }
     return value;
 }
 
-// The sampler's row for a direction, and its columns of a lobe
-int dsbrdf_row(vec3 w) {
-    return int(dsbrdf_angle(length(w.xy), w.z) * float(DSBRDF_N_ROWS - 1) / (0.5 * DSBRDF_PI) + 0.5);
-}
-
-vec4 dsbrdf_sampling(int lobe, int row) {
-    return dsbrdf_texel(lobe, dsbrdf_n_columns() + 2 * (row - DSBRDF_N_ROWS));
-}
-
-float dsbrdf_share(int lobe, int row) {
-    return dsbrdf_texel(lobe, dsbrdf_n_columns() + 2 * (row - DSBRDF_N_ROWS) + 1).x;
+// The sampler's first texel for a direction
+int dsbrdf_place(vec3 w) {
+    ivec4 more = ivec4(dsbrdf_texel(1));
+    float row = dsbrdf_angle(length(w.xy), w.z) * float(DSBRDF_N_ROWS - 1) / (0.5 * DSBRDF_PI) + 0.5;
+    return 2 + 2 * more.y * more.z + 3 * int(row);
 }
 
 float dsbrdf_pdf(vec3 wi, vec3 wo) {
     if (wi.z <= 0.0 || wo.z <= 0.0) return 0.0;
     dsbrdf_Coordinates at = dsbrdf_from_directions(wi, wo);
-    int row = dsbrdf_row(wo);
-    float of_half = 0.0, cosine = 1.0;
-    for (int k = 0; k < dsbrdf_n_lobes(); ++k) {
-        vec4 lobe = dsbrdf_sampling(k, row);
-        float share = dsbrdf_share(k, row), value = dsbrdf_expm1(lobe.x * exp(lobe.y * at.log_cos));
-        of_half += share * lobe.w * value * exp((lobe.z + 1.0) * at.log_cos);
-        cosine -= share;
+    int place = dsbrdf_place(wo);
+    float u = exp(at.log_cos), power = u, exponent = 1.0, of_half = 0.0, cosine = 0.0;
+    for (int k = 0; k < 12; ++k) {
+        float share = dsbrdf_texel(place + k / 4)[k % 4];
+        if (k == 11) cosine = share;
+        else of_half += share * (exponent + 2.0) * power;
+        exponent *= 4.0;
+        // Squaring doubles errors
+        power = exponent == 1024.0 ? exp(exponent * at.log_cos) : power * power * power * power;
     }
     // A half vector or its image, whichever is turned toward wo
     vec3 s = wi + wo;
     float toward = 0.5 * length(s), image = max(s.z * wo.z / toward - toward, 0.0);
-    return max(cosine, 0.0) * wi.z / DSBRDF_PI + 0.5 * of_half / (toward + image);
-}
-
-// Exponent of the power of the cosine that x in [0, 1) stands for, among those of a lobe, as the power series of exp makes
-// it a sum of them; and what is left of x, again in [0, 1)
-vec2 dsbrdf_sample_exponent(vec4 lobe, float x) {
-    float rest = x / (2.0 * DSBRDF_PI * lobe.w), power = lobe.x, exponent = lobe.y + lobe.z + 2.0;
-    for (int n = 2; n < 200 && rest >= power / exponent; ++n) {
-        rest -= power / exponent;
-        power *= lobe.x / float(n);
-        exponent += lobe.y;
-    }
-    return vec2(exponent, min(rest * exponent / power, 1.0));
+    return (cosine * wi.z + 0.25 * u * of_half / (toward + image)) / DSBRDF_PI;
 }
 
 // The built-in sine and cosine may be off by 2^-11, which must not change lengths
@@ -157,19 +137,21 @@ vec2 dsbrdf_circle(float u) {
 }
 
 vec3 dsbrdf_sample(vec3 wo, vec3 u) {
-    int row = dsbrdf_row(wo), n = dsbrdf_n_lobes(), k = 0;
-    float x = u.x, share = 0.0;
-    for (; k < n; ++k) {
-        share = dsbrdf_share(k, row);
+    int place = dsbrdf_place(wo), k = 0;
+    float x = u.x, share = 0.0, power = 1.0;
+    for (; k < 11; ++k) {
+        share = dsbrdf_texel(place + k / 4)[k % 4];
         if (x < share) break;
         x -= share;
+        power *= 4.0;
     }
-    vec2 exponent = k < n ? dsbrdf_sample_exponent(dsbrdf_sampling(k, row), x / share) : vec2(2.0, 0.0);
-    float sin2 = -dsbrdf_expm1(2.0 * log(1.0 - u.y) / exponent.x);
+    bool cosine = k == 11;
+    float sin2 = -dsbrdf_expm1(2.0 * log(1.0 - u.y) / (cosine ? 2.0 : power + 2.0));
     vec3 drawn = vec3(sqrt(sin2) * dsbrdf_circle(u.z), sqrt(max(1.0 - sin2, 0.0)));
-    if (k == n) return drawn;
+    if (cosine) return drawn;
+    // What is left of the first number decides between a half vector and its image at the other azimuth
     float toward = dot(wo, drawn), image = 2.0 * wo.z * drawn.z - toward;
-    bool keep = exponent.y * (max(toward, 0.0) + max(image, 0.0)) < toward;
+    bool keep = x / share * (max(toward, 0.0) + max(image, 0.0)) < toward;
     vec3 half_vector = keep ? drawn : vec3(-drawn.xy, drawn.z);
     return 2.0 * (keep ? toward : image) * half_vector - wo;
 }
