@@ -317,7 +317,8 @@ class _Search:
             if self.free_f90:
                 at = c * (1 + k) + lobe
                 jacobian[:, :, at] = (f90[lobe] * problem.grazing * lobes[lobe])[:, None]
-            slope = (problem.lobe(log_alpha[lobe] + STEP) - lobes[lobe]) / STEP
+            up, down = (problem.lobe(log_alpha[lobe] + step) for step in (STEP, -STEP))
+            slope = (up - down) / (2.0 * STEP)
             fresnel = f0[:, lobe] + (f90[lobe] - f0[:, lobe]) * problem.grazing[:, None]
             jacobian[:, :, self.size - k + lobe] = fresnel * slope[:, None]
         jacobian *= outer[..., None]
