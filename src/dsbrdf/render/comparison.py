@@ -1,23 +1,17 @@
-"""What `dsbrdf render` shows of a material: the table, fits with 1, 2, ... lobes, each lobe, other models.
-
-The paper's Figs. 4, 7 and 8, for any material.
-"""
+"""What `dsbrdf render` shows of a material: the table, fits with 1, 2, ... lobes, each lobe, other models."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from dsbrdf import baselines, batch
+from dsbrdf.fitting import ConvergenceWarning, fit
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.paper.collapse import N_SLICES
-from dsbrdf.paper.fit_measured import ConvergenceWarning, fit
 from dsbrdf.render import picture, quality
 from dsbrdf.render.picture import Row, Tile
 from dsbrdf.render.scene import Reflectance, View, check_channels, render
@@ -25,7 +19,6 @@ from dsbrdf.render.scene import Reflectance, View, check_channels, render
 __all__ = [
     "Subject",
     "competitors",
-    "conventional",
     "fits",
     "model_subjects",
     "open_subjects",
@@ -33,11 +26,6 @@ __all__ = [
     "render_row",
     "table_subjects",
 ]
-
-
-#: Least squares over all theta_d follow the few bright grazing samples, and microfacet models get white all over.
-#: The paper limited them too (Section 6.B).
-MAX_THETA_D = math.radians(60.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +68,7 @@ def open_subjects(target: str, *, loss: str, lobes: bool, compare: bool) -> tupl
 
 
 def quiet_fit(measured: MeasuredBRDF, n_lobes: int | str, loss: str) -> DSBRDF:
-    """Model of a table; that slices run out of iterations is not told."""
+    """Model of a table; that the search runs out of iterations is not told."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         return fit(measured, n_lobes, loss=loss).model
@@ -100,7 +88,7 @@ def model_subjects(model: DSBRDF, *, lobes: bool) -> list[Subject]:
 
 
 def table_subjects(
-    measured: MeasuredBRDF, n_lobes: int | str = "auto", *, loss: str = "l2", lobes: bool, compare: bool
+    measured: MeasuredBRDF, n_lobes: int | str = "auto", *, loss: str = "log", lobes: bool, compare: bool
 ) -> list[Subject]:
     """A table and its fit; with `lobes` also fits with fewer, and each lobe; with `compare` other models."""
     model = quiet_fit(measured, n_lobes, loss)
@@ -110,25 +98,9 @@ def table_subjects(
 
 
 def competitors(measured: MeasuredBRDF) -> list[Subject]:
-    """The bivariate table, and models of a Lambertian and microfacet lobes, which see theta_d up to 60 degrees only."""
-    below, n_slices = _below(measured)
-    ggx = baselines.fit_lambert_ggx(below, n_slices=n_slices)
-    bivariate = baselines.fit_bivariate(measured)
-    return [Subject(bivariate.label, bivariate), conventional(measured), Subject(ggx.label, ggx)]
-
-
-def conventional(measured: MeasuredBRDF) -> Subject:
-    """Lambert with two Torrance-Sparrow lobes."""
-    below, n_slices = _below(measured)
-    model = baselines.fit_lambert_torrance_sparrow(below, n_slices=n_slices)
-    return Subject(model.label, model)
-
-
-def _below(measured: MeasuredBRDF) -> tuple[MeasuredBRDF, int]:
-    """The rows of a table up to `MAX_THETA_D`, and how many slices to make of them."""
-    kept = measured.theta_d <= MAX_THETA_D
-    planes, theta_d = measured.planes[:, :, kept], measured.theta_d[kept]
-    return dataclasses.replace(measured, planes=planes, theta_d=theta_d), min(N_SLICES, theta_d.size)
+    """The bivariate table, and Lambert with two and with one GGX lobe."""
+    fits = (baselines.fit_bivariate, baselines.fit_ggx_pair, baselines.fit_lambert_ggx)
+    return [Subject(model.label, model) for model in (fit_one(measured) for fit_one in fits)]
 
 
 def render_row(
