@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import json
 import shutil
 from pathlib import Path
 
@@ -9,6 +10,9 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 
 import dsbrdf
+from dsbrdf.model.lobes import SHARED
+from dsbrdf.view.data import rgb_channels
+from dsbrdf.view.page import constants
 
 #: No network, no sandbox inside of containers, WebGL2 in software.
 ARGUMENTS = (
@@ -132,7 +136,10 @@ def run_glsl(page, functions, expression, *inputs):
 
 ORIGIN = "http://dsbrdf.test"
 JAVASCRIPT = Path(dsbrdf.__file__).parent / "view" / "js"
-BLANK = "<!doctype html><title>test</title><link rel=icon href='data:,'><body style='margin:0'></body>"
+BLANK = (
+    "<!doctype html><title>test</title><link rel=icon href='data:,'><body style='margin:0'>"
+    f"<script type='application/json' id='meta'>{json.dumps({'constants': constants()})}</script></body>"
+)
 
 
 def open_modules(browser, width=400, height=400, before=None):
@@ -157,9 +164,8 @@ def open_modules(browser, width=400, height=400, before=None):
 
 def material_json(model):
     """A model as a material of sphere.js, with lists for arrays."""
-    names = {"thetaD": "theta_d", "kappa": "kappa", "gamma": "gamma", "beta": "beta", "spike": "spike"}
-    arrays = {
-        name: np.asarray(getattr(model, field), dtype=float).ravel().tolist() for name, field in names.items()
-    }
-    shape = {"nSlices": len(model.theta_d), "nChannels": model.n_channels, "nLobes": model.n_lobes}
-    return {"name": model.name, **shape, **arrays}
+    names = (*SHARED, "colour")
+    arrays = {name: np.asarray(getattr(model.lobes, name)).ravel().tolist() for name in names}
+    sizes = {name: getattr(model.lobes, name).shape[-1] for name in names}
+    shape = {"nChannels": model.n_channels, "nLobes": model.n_lobes, "sizes": sizes}
+    return {"name": model.name, "rgb": rgb_channels(model.channels), "profile": None, **shape, **arrays}

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import warnings
 
 import numpy as np
 from browser import material_json, open_modules, watched
@@ -19,7 +20,7 @@ SET_UP = """
 async ([shaders, materials, size]) => {
     const { Sphere } = await import("/sphere.js");
     const typed = (material) => {
-        for (const key of ["thetaD", "kappa", "gamma", "beta", "spike"]) {
+        for (const key of ["scale", "gamma", "beta", "falloff", "colour"]) {
             material[key] = new Float32Array(material[key]);
         }
         return material;
@@ -47,9 +48,16 @@ async (n) => {
 """
 
 
+def quiet_fit(measured, n_lobes="auto"):
+    """`fit` where running out of iterations is not the point."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
+        return dsbrdf.fit(measured, n_lobes)
+
+
 def fitted(*names):
     """Models of built-in materials by name."""
-    return {name: dsbrdf.fit(dsbrdf.material(name), n_lobes=3).model for name in names}
+    return {name: quiet_fit(dsbrdf.material(name), 3).model for name in names}
 
 
 @contextlib.contextmanager

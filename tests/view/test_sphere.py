@@ -14,13 +14,14 @@ from sphere_page import (
     hit,
     inside,
     picture,
+    quiet_fit,
     shown,
 )
 
 import dsbrdf
+from dsbrdf import Lobes
 from dsbrdf.measured import built_in
-
-pytestmark = pytest.mark.filterwarnings("ignore:.*out of iterations")
+from dsbrdf.model import sampling
 
 
 def assert_sphere_evaluates(page, model, rng):
@@ -40,22 +41,29 @@ def test_values_are_those_of_python(browser, rng, name):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", DECODED)
 def test_values_of_decoded_materials_are_those_of_python(browser, decoded, rng, name):
-    model = dsbrdf.fit(dsbrdf.read(decoded(name)), n_lobes=3).model
+    model = quiet_fit(dsbrdf.read(decoded(name)), 3).model
     with shown(browser, {name: model}) as call:
         assert_sphere_evaluates(call(name), model, rng)
 
 
+EDIT = """
+async (edits) => {
+    const { editedModel } = await import("/material.js");
+    sphere.setMaterials(editedModel(materials[0], edits));
+}
+"""
+
+
 def test_edited_lobes(show_sphere, sphere_models, rng):
     page = show_sphere("satin-plastic")
-    page.evaluate("sphere.setLobes(0, [true, false, true], [1.5, 1, 0.5], [0.7, 1, 3])")
-    model = sphere_models["satin-plastic"]
-    edited = model.replace(
-        kappa=model.kappa[..., [0, 2]] * [1.5, 0.5],
-        gamma=model.gamma[..., [0, 2]] * [0.7, 3.0],
-        beta=model.beta[..., [0, 2]],
-    )
-    assert_sphere_evaluates(page, edited, rng)
-    page.evaluate("sphere.setLobes(0, [false, false, false], [1, 1, 1], [1, 1, 1])")
+    factors = [(True, 1.5, 0.7), (False, 1.0, 1.0), (True, 0.5, 3.0)]
+    edits = [{"on": on, "kappa": kappa, "gamma": gamma} for on, kappa, gamma in factors]
+    page.evaluate(EDIT, edits)
+    lobes = sphere_models["satin-plastic"].lobes
+    kappa, gamma = np.log([edit[1:] for edit in factors]).T[..., None]
+    scaled = lobes.replace(scale=lobes.scale + kappa, gamma=lobes.gamma + gamma)
+    assert_sphere_evaluates(page, dsbrdf.DSBRDF(scaled.take([0, 2])), rng)
+    page.evaluate(EDIT, [{"on": False, "kappa": 1.0, "gamma": 1.0}] * 3)
     assert page.evaluate("Array.from(sphere.evaluate(new Float32Array([0, 0, 1, 0, 0, 1])))") == [
         0.0,
         0.0,
@@ -65,11 +73,47 @@ def test_edited_lobes(show_sphere, sphere_models, rng):
 
 
 def test_one_channel_is_grey(browser, sphere_models, rng):
-    model = sphere_models["rough-gold"]
-    first = {key: getattr(model, key)[:, :1] for key in ("kappa", "gamma", "beta", "spike")}
-    grey = model.replace(**{key: np.repeat(value, 3, axis=1) for key, value in first.items()})
-    with shown(browser, {"one": model.replace(**first)}) as call:
+    lobes = sphere_models["rough-gold"].lobes
+    one, grey = (dsbrdf.DSBRDF(lobes.replace(colour=lobes.colour[[0] * n])) for n in (1, 3))
+    with shown(browser, {"one": one}) as call:
         assert_sphere_evaluates(call("one"), grey, rng)
+
+
+def test_three_of_many_wavelengths_are_shown(browser, sphere_models, rng):
+    lobes = sphere_models["rough-gold"].lobes
+    nm = np.arange(400, 720, 10)
+    share = ((nm - 400) / 310.0)[:, None, None]
+    spectral = lobes.replace(colour=(1.0 - share) * lobes.colour[2] + share * lobes.colour[0])
+    shown_ones = lobes.replace(colour=spectral.colour[np.searchsorted(nm, [610, 550, 460])])
+    with shown(browser, {"many": dsbrdf.DSBRDF(spectral, [f"{x}" for x in nm])}) as call:
+        assert_sphere_evaluates(call("many"), dsbrdf.DSBRDF(shown_ones), rng)
+
+
+@pytest.mark.parametrize("sizes", [(1, 1, 1, 1, 1), (2, 3, 1, 2, 4), (7, 4, 3, 1, 2)])
+def test_curves_of_any_size(browser, rng, sizes):
+    scale, gamma, beta, falloff, colour = sizes
+    lobes = Lobes(
+        rng.uniform(-3.0, 1.0, (2, scale)),
+        rng.uniform(-2.0, 6.0, (2, gamma)),
+        rng.uniform(-1.0, 1.0, (2, beta)),
+        rng.uniform(-0.5, 3.0, (2, falloff)),
+        rng.uniform(-0.5, 0.5, (3, 2, colour)),
+    )
+    with shown(browser, {"any": dsbrdf.DSBRDF(lobes)}) as call:
+        assert_sphere_evaluates(call("any"), dsbrdf.DSBRDF(lobes), rng)
+
+
+@pytest.mark.parametrize("name", ["satin-plastic", "rough-gold", "polished-chrome"])
+def test_shares_are_those_of_python(show_sphere, sphere_models, name):
+    """Found from fewer nodes, they need not be the same; but draw as well."""
+    page = show_sphere(name)
+    script = "async () => (await import('/sampler.js')).samplingShares(materials[0])"
+    got = np.array(page.evaluate(script))
+    made = sampling.tables(sphere_models[name].lobes)
+    expected = np.column_stack([made.shares, made.cosine])
+    np.testing.assert_allclose(got.sum(1), 1.0)
+    # The last row looks along the horizon
+    assert np.abs(got - expected)[:-1].sum(1).max() < 0.2
 
 
 @pytest.mark.parametrize("name", ["satin-plastic", "rough-gold"])

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from sphere_page import environment_pixels, inside, picture
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*out of iterations")
-
 
 @pytest.mark.parametrize("environment", ["soft-boxes", "sky", "window", "gradient", "dark-room"])
 def test_no_fireflies(show_sphere, environment):

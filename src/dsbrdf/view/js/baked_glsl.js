@@ -10,18 +10,16 @@ function number(value) {
 
 /** GLSL source of a material; `shaders` as in sphere.js. */
 export function bakedGlsl(material, shaders) {
-  const { width, height, data } = packParameters(material);
-  const n = width * height;
+  const { width, data } = packParameters(material);
   const texels = Array.from(
-    { length: n },
+    { length: width },
     (_, i) => `vec4(${Array.from(data.subarray(4 * i, 4 * i + 4), number).join(", ")})`,
   );
   return [
     `// ${material.name.replace(/\s+/g, " ")}`,
     shaders.constants,
-    `const vec4 DSBRDF_TEXELS[${n}] = vec4[${n}](\n    ${texels.join(",\n    ")});`,
-    `int dsbrdf_n_lobes() { return ${height - 1}; }`,
-    `vec4 dsbrdf_texel(int row, int column) { return DSBRDF_TEXELS[row * ${width} + column]; }`,
-    `\n${shaders.dsbrdf}`,
+    `const vec4 DSBRDF_TEXELS[${width}] = vec4[${width}](\n    ${texels.join(",\n    ")});`,
+    "vec4 dsbrdf_texel(int i) { return DSBRDF_TEXELS[i]; }",
+    shaders.dsbrdf,
   ].join("\n");
 }

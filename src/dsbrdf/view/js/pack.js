@@ -6,38 +6,25 @@ import { samplingShares } from "./sampler.js";
 /** Columns of a packed profile, evenly spaced in the square root of theta_h as a MERL table is. */
 const PROFILE_COLUMNS = 180;
 
-/** The texture of `texture.glsl`, a row for each lobe and one for the sampler: {width, height, data}. */
+/** The texture of `texture.glsl`, one row of texels: {width, height, data}. */
 export function packParameters(material) {
   const { sizes, nLobes } = material;
   const most = Math.max(...Object.values(sizes));
   const rgb = withChannels(material, material.rgb);
-  const shares = samplingShares(rgb).flat();
-  const width = Math.max(2 + 2 * most, shares.length / 4);
-  const data = new Float32Array(4 * width * (nLobes + 1));
-  for (let k = 0; k < nLobes; k++) {
-    const put = (column, values) => data.set(values, 4 * (width * k + column));
-    const coefficients = (key, row, j) => rgb[key][row * sizes[key] + j];
-    const shared = (value) => SHARED.map((key) => value(key));
-    put(
-      0,
-      shared((key) => sizes[key]),
-    );
-    put(1, [sizes.colour, most]);
-    for (let j = 0; j < most; j++) {
-      put(
-        2 + j,
-        shared((key) => (j < sizes[key] ? coefficients(key, k, j) : 0)),
-      );
-    }
-    for (let j = 0; j < sizes.colour; j++) {
-      put(
-        2 + most + j,
-        [0, 1, 2].map((channel) => coefficients("colour", channel * nLobes + k, j)),
-      );
-    }
-  }
-  data.set(shares, 4 * width * nLobes);
-  return { width, height: nLobes + 1, data };
+  const coefficient = (key, row, j) => (j < sizes[key] ? rgb[key][row * sizes[key] + j] : 0);
+  const places = Array.from({ length: most }, (_, j) => j);
+  const ofLobe = (k) => [
+    ...places.map((j) => SHARED.map((key) => coefficient(key, k, j))),
+    ...places.map((j) => [...[0, 1, 2].map((channel) => coefficient("colour", channel * nLobes + k, j)), 0]),
+  ];
+  const texels = [
+    SHARED.map((key) => sizes[key]),
+    [sizes.colour, most, nLobes, 0],
+    ...Array.from({ length: nLobes }, (_, k) => ofLobe(k)).flat(),
+    ...samplingShares(rgb),
+  ];
+  const data = Float32Array.from(texels.flat());
+  return { width: data.length / 4, height: 1, data };
 }
 
 /** Value of a curve at x by linear interpolation between its samples; NaN beyond them. */
