@@ -1,23 +1,25 @@
-"""Sampling and its density, chi-square; directional albedo."""
+"""Sampling and its density, chi-square, noise against cosine sampling; directional albedo."""
 
 import chi2
 import numpy as np
 import pytest
+from by_hand import by_hand
 from scipy import stats
-from tables import built_in, lobes, quiet_fit
 
-from dsbrdf import DSBRDF
 from dsbrdf.measured import built_in as materials
 from dsbrdf.model import sampling
 
 # Kinds of material: kappa, gamma, beta of lobes, which rise with theta_d and differ between channels
 KINDS = {
-    "matte": lobes([0.12, 0.02], [0.05, 2.0], [0.0, 0.5]),
-    "glossy-plastic": lobes([2.0, 0.15], [300.0, 0.3], [0.3, -0.2]),
-    "metal": lobes([0.8, 0.5], [30.0, 8.0], [-0.4, 0.3]),
-    "near-mirror": lobes([5.0, 0.5], [2e4, 300.0], [0.0, 0.0]),
+    "matte": by_hand([0.12, 0.02], [0.05, 2.0], [0.0, 0.5]),
+    "glossy-plastic": by_hand([2.0, 0.15], [300.0, 0.3], [0.3, -0.2]),
+    "metal": by_hand([0.8, 0.5], [30.0, 8.0], [-0.4, 0.3]),
+    "near-mirror": by_hand([5.0, 0.5], [2e4, 300.0], [0.0, 0.0]),
 }
-KINDS["spike"] = KINDS["glossy-plastic"].replace(spike=np.full((6, 3), 400.0) * [1.0, 2.0, 0.5])
+KINDS["falloff"] = KINDS["metal"].replace(lobes=KINDS["metal"].lobes.replace(falloff=[[3.0], [-0.5]]))
+KINDS["narrowing"] = KINDS["metal"].replace(
+    lobes=KINDS["metal"].lobes.replace(gamma=np.log([[6.0, 300.0, 40.0, 90.0], [2.0, 2.0, 8.0, 30.0]]))
+)
 THETA_O = np.deg2rad([0.0, 30.0, 60.0, 80.0])
 CASES = [(name, theta_o) for name in KINDS for theta_o in THETA_O]
 IDS = [f"{name}-{np.rad2deg(theta_o):.0f}" for name, theta_o in CASES]
@@ -26,12 +28,12 @@ SIGNIFICANCE = chi2.sidak(0.01, len(CASES))
 
 
 def single(kappa, gamma):
-    """One lobe, one channel, the same for all theta_d."""
-    return DSBRDF(np.array([0.4, 1.0]), *(np.full((2, 1, 1), x) for x in (kappa, gamma, 0.0)))
+    """One lobe, the same for all theta_d and channels."""
+    return by_hand([kappa], [gamma], [0.0], rise=0.0, tint=(1.0, 1.0, 1.0))
 
 
 def lambert(albedo):
-    return single(np.log1p(albedo / np.pi), 0.0)
+    return single(np.log1p(albedo / np.pi), 1e-9)
 
 
 def toward(theta):
@@ -60,29 +62,38 @@ def test_samples_follow_the_density(name, theta_o, rng):
     # What the density lacks is what falls below the horizon
     below = int((samples[:, 2] <= 0.0).sum())
     lost = 1.0 - mass.sum()
-    assert -1e-3 < lost < 0.65
+    assert -1e-3 < lost < 0.05
     assert stats.binomtest(below, len(samples), np.clip(lost, 1e-9, 1.0)).pvalue > SIGNIFICANCE
 
 
 @pytest.mark.parametrize(("name", "theta_o"), CASES, ids=IDS)
-def test_weights_are_bounded_and_their_mean_is_the_albedo(name, theta_o, rng):
+def test_mean_weight_is_the_albedo(name, theta_o, rng):
     model, wo = KINDS[name], toward(theta_o)
     weight = weights(model, draw(model, wo, rng), wo)
     albedo = model.albedo(theta_o)
-    error = (weight.mean(0) - albedo) / (weight.std(0) / np.sqrt(len(weight)))
+    error = np.abs(weight.mean(0) - albedo) - 2e-4 * albedo
     # The channels share their samples
-    assert np.abs(error).max() < stats.norm.isf(0.5 * SIGNIFICANCE)
+    assert (error < stats.norm.isf(0.5 * SIGNIFICANCE) * weight.std(0) / np.sqrt(len(weight))).all()
     assert (weight.max(0) < 12.0 * albedo).all()
+
+
+@pytest.mark.parametrize(("name", "theta_o"), CASES, ids=IDS)
+def test_samples_are_quiet(name, theta_o, rng):
+    """Weights deviate far less than with cosine sampling, and on what is nearly Lambertian no more."""
+    model, wo = KINDS[name], toward(theta_o)
+    weight = weights(model, draw(model, wo, rng), wo).mean(-1)
+    wi = chi2.direction(np.sqrt(rng.random(N_SAMPLES)), 2.0 * np.pi * rng.random(N_SAMPLES))
+    of_cosine = np.pi * model.eval(wi, wo).mean(-1)
+    ours, theirs = (x.std() / x.mean() for x in (weight, of_cosine))
+    assert ours < (theirs + 0.02 if name == "matte" else 0.35 * theirs)
 
 
 @pytest.mark.parametrize(("name", "theta_o"), CASES, ids=IDS)
 def test_albedo_equals_quadrature_over_directions(name, theta_o):
     model, wo = KINDS[name], toward(theta_o)
     channel = 1
-    # A spike has a kink at one degree
-    tolerance = 5e-5 if name == "spike" else 1e-6
     cells = chi2.cell_integrals(
-        lambda wi: model.eval(wi, wo)[..., channel] * wi[..., 2], toward(-theta_o), tolerance
+        lambda wi: model.eval(wi, wo)[..., channel] * wi[..., 2], toward(-theta_o), 1e-6
     )
     np.testing.assert_allclose(model.albedo(theta_o)[channel], cells.sum(), rtol=1e-3)
 
@@ -98,32 +109,18 @@ def test_white_furnace_by_samples(rng):
     model = lambert(1.0)
     for theta_o in THETA_O:
         weight = weights(model, draw(model, toward(theta_o), rng), toward(theta_o))[:, 0]
-        assert abs(weight.mean() - 1.0) < 4.5 * weight.std() / np.sqrt(len(weight))
+        assert abs(weight.mean() - 1.0) < 4.5 * weight.std() / np.sqrt(len(weight)) + 1e-6
+        assert weight.std() < 0.03
 
 
-@pytest.mark.parametrize(("kappa", "gamma"), [(3.0, 1e4), (8.0, 1e6), (1e-6, 1e5)])
-def test_albedo_of_a_spike(kappa, gamma):
+@pytest.mark.parametrize(("kappa", "gamma"), [(3.0, 1e4), (6.0, 1e6), (1e-6, 1e5)])
+def test_albedo_of_a_narrow_lobe(kappa, gamma):
     """Far narrower than anything around it: the integral over the half vector leaves the cosines behind."""
     theta_i = np.deg2rad([0.0, 30.0, 60.0])
     t = np.linspace(0.0, 1.0, 200_001)[1:]  # u^gamma; du = t^(1 / gamma - 1) dt / gamma
     integral = np.trapezoid(np.expm1(kappa * t) / t * t ** (1.0 / gamma), t) / gamma
     expected = 2.0 * np.pi * integral * 4.0 * np.cos(theta_i) ** 2
     np.testing.assert_allclose(single(kappa, gamma).albedo(theta_i)[:, 0], expected, rtol=2e-3)
-
-
-@pytest.mark.parametrize("name", ["matte", "glossy-plastic", "rough-gold"])
-def test_albedo_of_a_fit_is_that_of_the_material(name):
-    """What energy the material conserves, the model of it does too, to the error of the fit."""
-    model = quiet_fit(built_in(name), 3).model
-    reflectance = materials.get(name).reflectance
-    for theta_o in THETA_O[:3]:
-        wo = toward(theta_o)
-        cells = chi2.cell_integrals(
-            lambda wi, wo=wo: reflectance(wi, wo)[..., 0] * wi[..., 2], toward(-theta_o)
-        )
-        albedo = model.albedo(theta_o)[0]
-        assert albedo == pytest.approx(cells.sum(), rel=0.1)
-        assert albedo < 1.02
 
 
 def test_albedo_shapes():
@@ -153,6 +150,7 @@ def test_shapes_of_samples(rng):
     np.testing.assert_allclose(np.linalg.norm(samples, axis=-1), 1.0, rtol=1e-12)
     assert model.pdf(samples, wo[0]).shape == (4, 5)
     assert model.sample([0.0, 0.0, 1.0], rng).shape == (3,)
+    assert model.pdf(samples[0, 0], wo[0, 0]).shape == ()
     with pytest.raises(ValueError, match=r"'wo' must be unit vectors"):
         model.sample([0.0, 0.0, 2.0], rng)
 
@@ -165,33 +163,64 @@ def test_same_generator_same_samples():
 
 
 def test_share_of_cosine_keeps_the_density_from_zero(rng):
-    """Where no lobe of the sampler reaches, light still counts."""
-    model, wo = single(9.0, 1e6), toward(1.0)
+    """Where no power of the sampler reaches, light still counts."""
+    model, wo = single(6.0, 1e6), toward(1.0)
     wi = chi2.direction(rng.random(1000), 2.0 * np.pi * rng.random(1000))
-    least = sampling.COSINE_SHARE * wi[:, 2] / np.pi
-    assert (least > 0.01 * wi[:, 2]).all()
+    least = sampling.MIN_COSINE_SHARE * wi[:, 2] / np.pi
     assert (model.pdf(wi, wo) >= least * (1.0 - 1e-12)).all()
 
 
-def test_samples_come_from_the_nearest_slice(rng):
-    """Narrow at the first slice, flat at the second."""
-    shape = (2, 1, 1)
-    gamma = np.array([1e4, 0.0]).reshape(shape)
-    model = DSBRDF(np.array([0.2, 1.2]), np.full(shape, 3.0), gamma, np.zeros(shape))
-    for theta_o, share in ((0.1, 0.9), (0.65, 0.9), (0.75, 0.0), (1.3, 0.0)):
-        samples = draw(model, toward(theta_o), rng, 2000)
-        near_mirror = samples @ toward(-theta_o) > np.cos(0.05)
-        assert abs(near_mirror.mean() - share) < 0.04
+def test_tables_are_shares():
+    made = sampling.tables(KINDS["narrowing"].lobes)
+    assert made.shares.shape == (sampling.N_ROWS, len(sampling.POWERS))
+    assert (made.shares >= 0.0).all()
+    assert (made.cosine >= sampling.MIN_COSINE_SHARE * (1.0 - 1e-9)).all()
+    # Alias tables hold the same shares
+    for row in range(sampling.N_ROWS):
+        found = {}
+        for stay, here, there in made.alias[row]:
+            found[here] = found.get(here, 0.0) + stay / len(made.alias[row])
+            found[there] = found.get(there, 0.0) + (1.0 - stay) / len(made.alias[row])
+        expected = np.append(made.shares[row], made.cosine[row])
+        got = [found[exponent] for exponent in (*(sampling.POWERS + 2.0), sampling.COSINE)]
+        np.testing.assert_allclose(got, expected, atol=1e-12)
 
 
-def test_samples_of_a_spike_fall_in_proportion_to_its_cap(rng):
-    model = single(1e-9, 0.0).replace(spike=np.full((2, 1), 10.0))
-    wo = toward(0.3)
-    half = draw(model, wo, rng, 50_000) + wo
-    share = (half[:, :2] ** 2).sum(-1) / (half**2).sum(-1) / np.sin(np.deg2rad(1.0)) ** 2
-    inside = share[share < 1.0]
-    assert abs(len(inside) / len(share) - (1.0 - sampling.COSINE_SHARE)) < 0.01
-    assert stats.kstest(inside, lambda t: 1.0 - (1.0 - t) ** 2).pvalue > SIGNIFICANCE
+def test_tables_are_made_once(monkeypatch):
+    model = single(1.0, 20.0)
+    made = sampling.tables(model.lobes)
+    monkeypatch.setattr(sampling, "tables_for", None)
+    assert sampling.tables(model.lobes) is made
+
+
+@pytest.mark.parametrize("name", materials.names())
+def test_tables_of_any_reflectance(name):
+    """What no lobes describe is sampled as well, e.g. tables: the shares fit it, not lobes of it."""
+    reflectance = materials.get(name).reflectance
+    made = sampling.tables_for(reflectance)
+    assert made.shares.shape == (sampling.N_ROWS, len(sampling.POWERS))
+    np.testing.assert_allclose(made.shares.sum(1) + made.cosine, 1.0)
+    if name == "matte":
+        assert made.cosine[0] > 0.5
+    if name == "polished-chrome":
+        assert made.cosine[0] < 0.06
+
+
+def test_parameters_of_other_libraries():
+    """Arrays of JAX are sampled where they have values; where they have none, what to do is said."""
+    jax = pytest.importorskip("jax")
+    model, wi, wo = KINDS["metal"], toward(0.3), toward(0.5)
+    traced = model.replace(lobes=model.lobes.replace(scale=jax.numpy.asarray(model.lobes.scale)))
+    np.testing.assert_allclose(traced.pdf(wi, wo), model.pdf(wi, wo), rtol=1e-4)
+    samples = draw(traced, wo, np.random.default_rng(0), 100)
+    assert (traced.pdf(samples, wo) > 0.0).all()
+
+    def at(scale, call):
+        return call(model.replace(lobes=model.lobes.replace(scale=scale)))
+
+    for call in (lambda m: m.pdf(wi, wo), lambda m: m.sample(wo, np.random.default_rng(0)).sum()):
+        with pytest.raises(TypeError, match=r"needs the values of the parameters, .* detached tensors"):
+            jax.grad(at)(traced.lobes.scale, call)
 
 
 # The harness

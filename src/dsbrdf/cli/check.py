@@ -16,7 +16,7 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each model.")] = False,
 ) -> None:
     """Check that models are fit to render with: reciprocity, energy, sampling."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.model import file as model_file
     from dsbrdf.model.check import check_model
 

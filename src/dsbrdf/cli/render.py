@@ -55,7 +55,7 @@ def render(
     loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.l2,
 ) -> None:
     """Render materials: measured, fitted, by lobe, beside other models; with maps of the difference."""
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.render import comparison, picture
     from dsbrdf.render.scene import View
 

@@ -215,8 +215,8 @@ def _nodes() -> _Nodes:
 
 def _shares(target: Array, of_half: Array, nodes: _Nodes) -> Array:
     """Shares (row, component) of powers and cosine that bring the mixture near `target` (row, theta_h, phi)."""
-    n = len(of_half)
-    share = np.full((N_ROWS, n + 1), 1.0 / (n + 1))
+    share = np.full((N_ROWS, len(of_half) + 1), 0.5 / len(of_half))
+    share[:, -1] = 0.5
     cosine = nodes.cos_o / np.pi
     for step in range(EM_STEPS):
         mixture = (share[:, :-1] @ of_half)[..., None] * nodes.to_pdf
