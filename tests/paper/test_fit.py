@@ -194,7 +194,8 @@ from dsbrdf.measured import built_in as materials
 from dsbrdf.paper import fit_slices
 
 warnings.simplefilter("ignore")
-model = fit_slices(tabulate(materials.get("satin-plastic").reflectance, "", shape=(90, 18, 36)), 3, azimuthal=True).model
+table = tabulate(materials.get("satin-plastic").reflectance, "", shape=(90, 18, 36))
+model = fit_slices(table, 3, azimuthal=True).model
 print(hashlib.sha256(model.kappa.tobytes() + model.gamma.tobytes() + model.beta.tobytes()).hexdigest())
 """
 
@@ -296,6 +297,7 @@ def test_promises_hold_on_decoded_materials(decoded, name):
 def test_only_tables_are_fitted():
     up = np.array([[0.0, 0.0, 1.0]])
     for measured in ("a.binary", np.ones((3, 3)), Samples(up, up, np.ones((1, 3)))):
-        text = rf"'measured' must be a MeasuredBRDF, got {type(measured).__name__}\. Read a file with dsbrdf\.read\(path\); "
-        with pytest.raises(TypeError, match=text + "scattered samples have no slices: fit them with dsbrdf.fit"):
+        name = type(measured).__name__
+        text = rf"'measured' must be a MeasuredBRDF, got {name}\. .*scattered samples have no slices: fit them with"
+        with pytest.raises(TypeError, match=text):
             fit_slices(measured)

@@ -216,3 +216,18 @@ def test_noise_is_fixed():
     first, second = (subsampling.subsample(one, lambda _: None, factors=(2,)) for _ in range(2))
     assert first == second
     assert first[0].model != first[1].model
+
+
+def test_claim_fair_form(found):
+    """Thirteen numbers, and the model of today, beside the slices: over their samples and over the whole hemisphere."""
+    for each in found["rows"].values():
+        assert max(each.cbrt, each.fit_cbrt, each.ggx_pair_cbrt) < 0.15
+    # Its own kind of material
+    assert found["rows"]["satin-aluminium"].ggx_pair_cbrt < 0.01
+    better = {"rel_rms": 0.1, "ggx_pair": 0.2, "cbrt": 0.1, "ggx_pair_cbrt": 0.2}
+    assert check(claims._ggx_pair, [row(**better)])[1] is Status.REPRODUCED
+    text, status, why = check(claims._ggx_pair, [row(**better | {"cbrt": 0.3})])
+    assert status is Status.DIFFERS
+    assert "lower error on 1 of 1" in text
+    assert "in the cube root over the whole hemisphere on 0" in text
+    assert "whole hemisphere" in why

@@ -131,7 +131,9 @@ def test_all_components_reconstruct(space):
 def test_inner_product_is_eq_7(space):
     """Integrals of products by quadrature, weighted by the reciprocal of the squared norm of the mean curve."""
     theta_d = (np.arange(20_000) + 0.5) / 20_000 * np.pi / 2
-    a, b = (np.einsum("tc,fc->ft", BASIS.design(theta_d), curves) for curves in space.curves[space.present][:2])
+    a, b = (
+        np.einsum("tc,fc->ft", BASIS.design(theta_d), curves) for curves in space.curves[space.present][:2]
+    )
     mean = np.einsum("tc,fc->ft", BASIS.design(theta_d), space.curves[space.present].mean(0))
     step = np.pi / 2 / 20_000
     weight = np.ones(2) if space.variables.logarithmic else 1.0 / (mean**2).sum(1) / step

@@ -234,7 +234,7 @@ def test_tells_what_it_is():
 # Tables, and how rough slices are
 
 
-def test_a_table_holds_the_values(rng):
+def test_a_table_holds_the_values():
     model = random_slices().replace(name="made up", source=Source(description="a test"))
     table = model.tabulate(shape=(12, 9, 10), convention="edge")
     assert (table.name, table.convention, table.source.description) == ("made up", "edge", "a test")

@@ -1,8 +1,8 @@
 """Other models of a measured BRDF, to compare with, over the whole hemisphere.
 
-Each has `eval`, `eval_angles`, `name`, `label` and `n_parameters`, and a `fit_*` function. `bivariate` is a table without
-phi_d; `microfacet` has what renderers of today have: Lambert and one GGX lobe (7 numbers), and Lambert and two with a
-Fresnel term each (13 numbers). The paper's own competitors, over slices, are in `dsbrdf.paper.baselines`.
+Each has `eval`, `eval_angles`, `name`, `label` and `n_parameters`, and a `fit_*` function. `bivariate` is a table
+without phi_d; `microfacet` has what renderers of today have: Lambert and one GGX lobe (7 numbers), and Lambert and two
+with a Fresnel term each (13 numbers).
 """
 
 from dsbrdf.baselines._base import AbstractBaseline

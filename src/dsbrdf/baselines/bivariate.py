@@ -76,7 +76,9 @@ def fit_bivariate(measured: MeasuredBRDF) -> Bivariate:
     """
     count, total = np.moveaxis(measured.moments(range(len(measured.theta_d)))[..., :2], -1, 0)
     if not count.any():
-        raise ValueError(f"{measured.name or 'the table'}: no value is valid. Check that it holds positive values.")
+        raise ValueError(
+            f"{measured.name or 'the table'}: no value is valid. Check that it holds positive values."
+        )
     mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0.0)
     return Bivariate(measured.theta_d, measured.theta_h, mean, measured.name)
 

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.fitting.observations import cell_area
@@ -191,7 +192,9 @@ class _Problem:
         weight = np.zeros_like(values)
         for of in (1.0, np.cbrt(values * (wi * wo)[:, 2:]) ** 2):
             weight += area * of / np.maximum((area * of).sum(0), 1e-300)
-        offset = OFFSET * np.array([_median(column[ok]) for column, ok in zip(values.T, valid[some].T, strict=True)])
+        offset = OFFSET * np.array(
+            [_median(column[ok]) for column, ok in zip(values.T, valid[some].T, strict=True)]
+        )
         return cls(wi, wo, _schlick(wi, wo), values, np.sqrt(weight), offset)
 
     @cached_property
@@ -249,7 +252,7 @@ def _fit(
     albedo, f0, f90, log_alpha = search.split(best.x)
     order = np.argsort(log_alpha)
     # A channel without light has none
-    dark = ~(problem.values * problem.root_weight).any(0)
+    dark: NDArray[np.bool_] = np.logical_not((problem.values * problem.root_weight).any(0))
     albedo, f0 = np.where(dark, 0.0, albedo), np.where(dark[:, None], 0.0, f0)
     return albedo, f0[:, order], np.where(dark.all(), 0.0, f90[order]), np.exp(log_alpha[order])
 

@@ -1,13 +1,13 @@
-"""The paper's experiment, to the letter, and its figures and claims on any set of materials; nothing else depends on it.
+"""The paper's experiment, to the letter, with its figures and claims on any set of materials.
 
 `fit_slices` fits a table as the paper does and gives a `SliceFit` with a model of `Slices`. Read the method first:
-`collapse` reduces a table to slices, `slices` is the model and `evaluation` its values, `curves` holds parameters as splines
-over theta_d, `metrics` measures errors, `spike` is the delta term, `slice_fit` fits lobes to slices, `williams` and
-`selection` choose their number, and `fit` and `fit_report` put these together; `baselines` are the paper's competitors,
-`space` and `correspondence` its space of materials. Then what `dsbrdf paper` runs: `run` makes the figures as the paper
-draws them, a table of all materials, and a report that puts each claim beside our number, from `tables`, `profiles`,
-`planes`, `survey`, `accuracy`, `subsampling`, `spheres`, `maps`, `claims` and `report`. Figures need the extra `[plot]`;
-Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
+`collapse` reduces a table to slices, `slices` is the model and `evaluation` its values, `curves` holds parameters as
+splines over theta_d, `metrics` measures errors, `spike` is the delta term, `slice_fit` fits lobes to slices, `williams`
+and `selection` choose their number, and `fit` and `fit_report` put these together; `baselines` are the paper's
+competitors, `space` and `correspondence` its space of materials. Then what `dsbrdf paper` runs: `run` makes the figures
+as the paper draws them, a table of all materials, and a report that puts each claim beside our number, from `tables`,
+`profiles`, `planes`, `survey`, `accuracy`, `subsampling`, `spheres`, `maps`, `claims` and `report`. Nothing outside of
+this room depends on it. Figures need the extra `[plot]`; Figs. 4, 7, 8 and the spheres of Fig. 5 also `[render]`.
 """
 
 from __future__ import annotations

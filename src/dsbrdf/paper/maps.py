@@ -7,9 +7,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsbrdf.paper.fit import fit_slices
 from dsbrdf.paper.slice_fit import ConvergenceWarning
+from dsbrdf.paper.slices import Slices
 from dsbrdf.paper.space import PaperSpace, build_space
 from dsbrdf.paper.tables import Tables
 from dsbrdf.plot import space as drawing
@@ -39,7 +41,7 @@ def lobe_map(space: PaperSpace) -> Figure:
     """Each lobe of each channel as a sphere at the first two scores of the bivariate analysis (Fig. 9)."""
     fpca = space.lobes
     pictures = [
-        drawing._picture(space.decode(space.curves[material, channel, slot][None, None]))
+        _sphere(space.decode(space.curves[material, channel, slot][None, None]))
         for material, channel, slot in np.argwhere(space.present)
     ]
     title = f"{len(pictures)} lobes on the first two bivariate principal functions"
@@ -49,6 +51,10 @@ def lobe_map(space: PaperSpace) -> Figure:
 def material_map(space: PaperSpace) -> Figure:
     """Each material as a sphere at its first two scores (Fig. 10)."""
     fpca = space.materials
-    pictures = [drawing._picture(space.decode(curves)) for curves in space.curves]
+    pictures = [_sphere(space.decode(curves)) for curves in space.curves]
     title = f"{len(pictures)} materials on the first two principal functions"
     return drawing._map(pictures, fpca.scores, fpca.explained, title, space.names)
+
+
+def _sphere(model: Slices) -> NDArray[np.float64]:
+    return drawing._picture(model)  # type: ignore[arg-type]

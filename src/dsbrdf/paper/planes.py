@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,12 @@ from dsbrdf.paper.fit_report import SliceFit
 from dsbrdf.plot import model as drawing
 from dsbrdf.plot.style import PALE
 
-__all__ = ["plane_of", "shade_unfitted", "shown_rows"]
+__all__ = ["channels", "plane_of", "shade_unfitted", "shown_rows"]
+
+
+def channels(fit: SliceFit) -> list[tuple[int, str, Any]]:
+    """Number, name and colour of each channel that is shown."""
+    return drawing._channels(fit.model)  # type: ignore[arg-type]
 
 
 def plane_of(fit: SliceFit, row: int) -> Any:
@@ -23,7 +28,7 @@ def plane_of(fit: SliceFit, row: int) -> Any:
     return plane
 
 
-def shown_rows(fit: SliceFit, theta_d: Sequence[float]) -> list[int]:
+def shown_rows(fit: SliceFit, theta_d: Iterable[float]) -> list[int]:
     """The table's rows of the fitted slices nearest to `theta_d` in radians, each once."""
     angles = fit.model.theta_d
     nearest = [angles[np.abs(angles - angle).argmin()] for angle in theta_d]

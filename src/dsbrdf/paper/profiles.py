@@ -74,7 +74,7 @@ def lobe_profiles(tables: Tables) -> Figure:
     import matplotlib
 
     from dsbrdf import plot
-    from dsbrdf.paper.planes import plane_of
+    from dsbrdf.paper.planes import channels, plane_of
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG2, len(FIG2))]
     with matplotlib.rc_context(plot.STYLE):
@@ -82,7 +82,7 @@ def lobe_profiles(tables: Tables) -> Figure:
         for column, fit in zip(grid.T, fits, strict=True):
             channel = int(fit.errors.energy[0].argmax())
             plane = plane_of(fit, 0)
-            plot.model._draw_channels(column[0], plane, plot.model._channels(fit.model))
+            plot.model._draw_channels(column[0], plane, channels(fit))
             plot.model._draw_lobes(column[1], plane, channel)
             column[0].set_title(f"{fit.model.name}, error {_slice_error(fit, 0)}")
             for axes in column:
@@ -101,7 +101,7 @@ def slice_profiles(tables: Tables) -> Figure:
     import matplotlib
 
     from dsbrdf import plot
-    from dsbrdf.paper.planes import plane_of, shown_rows
+    from dsbrdf.paper.planes import channels, plane_of, shown_rows
 
     fits = [paper_fit(tables.load(name), N_LOBES) for name in tables.pick(FIG3, len(FIG3))]
     with matplotlib.rc_context(plot.STYLE):
@@ -111,7 +111,7 @@ def slice_profiles(tables: Tables) -> Figure:
             shown = shown_rows(fit, np.deg2rad(THETA_D))
             for axes, index in zip(row, shown, strict=False):
                 plane = plane_of(fit, index)
-                plot.model._draw_channels(axes, plane, plot.model._channels(fit.model))
+                plot.model._draw_channels(axes, plane, channels(fit))
                 _finish(axes, fit, plane)
                 nearest = int(np.abs(fit.model.theta_d - plane.theta_d).argmin())
                 axes.set_title(

@@ -35,9 +35,9 @@ CAPTIONS = {
 _INTRODUCTION = (
     "Claims of Nishino and Lombardi (JOSA A 28(1), 8-18, 2011) beside our numbers. Errors are relative RMS over "
     "all samples of 18 slices with theta_h of at least one degree, inside the perimeter mask. The paper's model "
-    "has no azimuthal term and lobes in the order of kappa; its lobes are counted by Williams' test at 1 %. Lambert + 2 GGX "
-    "and `dsbrdf.fit` are fitted to the whole hemisphere, by logarithms; `cbrt` is the error of the cube root there, which "
-    "no model but these was made for."
+    "has no azimuthal term and lobes in the order of kappa; its lobes are counted by Williams' test at 1 %. "
+    "Lambert + 2 GGX and `dsbrdf.fit` are fitted to the whole hemisphere, by logarithms; `cbrt` is the error of the "
+    "cube root there, which none but these was fitted to."
 )
 
 

@@ -203,9 +203,7 @@ class Slices:
         kept = {key: getattr(self, key) for key in ("name", "source", "fit_options", "profile", "channels")}
         return curves.model(**kept)
 
-    def tabulate(
-        self, *, shape: tuple[int, int, int] = SHAPE, convention: str = "centre"
-    ) -> MeasuredBRDF:
+    def tabulate(self, *, shape: tuple[int, int, int] = SHAPE, convention: str = "centre") -> MeasuredBRDF:
         """The model as a table, to be rendered, exported, sampled, or fitted by `dsbrdf.fit`.
 
         Parameters

@@ -58,7 +58,7 @@ class Variables:
         return np.stack([kappa, gamma], axis=-1)
 
     def parameters(self, values: Array) -> tuple[Array, Array]:
-        """kappa and gamma (...) of variables (..., function), all within their ranges."""
+        """Kappa and gamma (...) of variables (..., function), all within their ranges."""
         kappa, gamma = values[..., 0], values[..., 1]
         if self.logarithmic:
             kappa = np.log1p(np.maximum(np.exp(np.minimum(kappa, MAX_KAPPA)) - LOG_OFFSET, 0.0))

@@ -85,7 +85,9 @@ def lobes_alone(tables: Tables, step: Step) -> Figure:
     for name in tables.pick(FIG7, len(FIG7)):
         measured = tables.load(name)
         model = paper_fit(measured, N_LOBES).model
-        rows.append(_row(name, [Subject("measured", measured), *conventional(measured), *_subjects(model)], step))
+        rows.append(
+            _row(name, [Subject("measured", measured), *conventional(measured), *_subjects(model)], step)
+        )
     note = "Lambert + Torrance-Sparrow is fitted up to theta_d = 60 degrees, as in the paper; Lambert + 2 GGX has "
     note += "Fresnel terms and is fitted to all, by logarithms."
     return picture.sheet(rows, note=note)
@@ -141,11 +143,11 @@ def _subjects(model: Slices) -> list[Subject]:
 def _profiles(figure: Figure, grid: Any, fit: SliceFit) -> None:
     """The slice theta_d = 0: all channels, and the lobes of the brightest."""
     from dsbrdf import plot
-    from dsbrdf.paper.planes import plane_of
+    from dsbrdf.paper.planes import channels, plane_of
 
     plane = plane_of(fit, 0)
     left, right = figure.add_subplot(grid[0, 4:7]), figure.add_subplot(grid[0, 8:11])
-    plot.model._draw_channels(left, plane, plot.model._channels(fit.model), size=2.6)
+    plot.model._draw_channels(left, plane, channels(fit), size=2.6)
     plot.model._draw_lobes(right, plane, int(fit.errors.energy[0].argmax()))
     for axes, title in ((left, r"$\theta_d$ = 0°, BRDF (1/sr)"), (right, "lobes")):
         axes.set_ylim(0.0, 1.1 * max(np.nanmax(plane.values), np.nanmax(plane.curves)))

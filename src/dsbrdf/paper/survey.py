@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-import dsbrdf
 from dsbrdf import _files
 from dsbrdf.baselines import fit_ggx_pair
-from dsbrdf.fitting import metrics
+from dsbrdf.fitting import ConvergenceWarning, metrics
+from dsbrdf.fitting.fit import fit
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper import baselines
 from dsbrdf.paper.tables import Tables, paper_fit
@@ -37,13 +37,13 @@ class Row:
         The paper's model, the same with the azimuthal term, and the paper's by EM alone.
     bivariate_floor, monotone_floor, azimuthal_floor : float
     torrance_sparrow, ggx_pair : float
-        Lambert and two Torrance-Sparrow lobes, as the paper has them, and in the form of today's renderers, with Fresnel
-        terms, fitted to the whole hemisphere (`dsbrdf.baselines.fit_ggx_pair`).
+        Lambert and two Torrance-Sparrow lobes, as the paper has them, and in the form of today's renderers, with
+        Fresnel terms, fitted to the whole hemisphere (`dsbrdf.baselines.fit_ggx_pair`).
     fit : float
         The model of `dsbrdf.fit`, fitted to the whole hemisphere.
     cbrt, ggx_pair_cbrt, fit_cbrt : float
-        Error of the cube root over the whole hemisphere (`dsbrdf.fitting.metrics`), of the paper's model, of Lambert with
-        two GGX lobes, and of the model of `dsbrdf.fit`.
+        Error of the cube root over the whole hemisphere (`dsbrdf.fitting.metrics`), of the paper's model, of Lambert
+        with two GGX lobes, and of the model of `dsbrdf.fit`.
     unconverged : int
         Slices of the paper's model that ran out of iterations.
     seconds : float
@@ -75,8 +75,8 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
     other = baselines.fit_lambert_torrance_sparrow(measured)
     pair = fit_ggx_pair(measured)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", dsbrdf.ConvergenceWarning)
-        new = dsbrdf.fit(measured)
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        new = fit(measured)
     return Row(
         name=name,
         n_lobes=n_lobes,

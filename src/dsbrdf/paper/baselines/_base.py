@@ -45,8 +45,8 @@ def errors(
     Returns
     -------
     FitErrors
-        `rel_rms` is comparable with that of `dsbrdf.paper.fit_slices` with the same options; the floors are the data's. A
-        sample below the horizon, which the perimeter mask leaves out, is held against a value of zero.
+        `rel_rms` is comparable with that of `dsbrdf.paper.fit_slices` with the same options; the floors are the
+        data's. A sample below the horizon, which the perimeter mask leaves out, is held against a value of zero.
 
     Raises
     ------

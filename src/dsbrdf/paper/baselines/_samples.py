@@ -8,9 +8,9 @@ from typing import Unpack
 
 import numpy as np
 
-from dsbrdf.paper.baselines._base import Array, SliceOptions, slice_table
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.paper.baselines._base import Array, SliceOptions, slice_table
 from dsbrdf.paper.collapse import slice_rows
 
 __all__ = ["Samples", "gather_samples", "refine"]

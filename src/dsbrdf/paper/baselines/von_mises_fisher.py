@@ -27,7 +27,7 @@ N_GRID, N_ROUNDS = 32, 4
 class VonMisesFisher(AbstractBaseline):
     """Lobes `amplitude exp(kappa (cos(theta_h) - 1))` whose parameters are given at some theta_d.
 
-    Between slices the values of the two nearest are interpolated linearly in theta_d, as those of `dsbrdf.paper.Slices`.
+    Between slices the values of the two nearest are interpolated linearly in theta_d, as those of `Slices`.
 
     Parameters
     ----------
