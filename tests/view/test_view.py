@@ -9,16 +9,26 @@ import zlib
 
 import numpy as np
 import pytest
+from sphere_page import quiet_fit
 
 import dsbrdf
 from dsbrdf import cli
-from dsbrdf.paper.collapse import MeasuredProfile
+from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.view import collect, data, frame, layout, page, script, view
+
+pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 
 
 @pytest.fixture(scope="module")
 def model():
-    return dsbrdf.fit(dsbrdf.material("rough-gold"), 2).model
+    return quiet_fit(dsbrdf.material("rough-gold"), 2).model
+
+
+def changed(model, kappa=1.0, gamma=1.0):
+    """The model with its lobes scaled."""
+    lobes = model.lobes
+    scaled = lobes.replace(scale=lobes.scale + np.log(kappa), gamma=lobes.gamma + np.log(gamma))
+    return model.replace(lobes=scaled)
 
 
 def part(text, name):
@@ -36,10 +46,13 @@ def test_the_page_holds_the_numbers(model):
     text = page(model)
     meta = json.loads(part(text, "meta"))
     assert [entry["name"] for entry in meta["materials"]] == ["rough-gold"]
-    assert meta["materials"][0]["shape"] == [18, 3, 2]
+    entry = meta["materials"][0]
+    assert (entry["lobes"], entry["channels"], entry["rgb"]) == (2, ["r", "g", "b"], [0, 1, 2])
+    names = ("scale", "gamma", "beta", "falloff", "colour")
+    assert entry["sizes"] == {name: getattr(model.lobes, name).shape[-1] for name in names}
+    assert entry["errors"] == {key: value for key, value in model.errors.items() if np.isfinite(value)}
     floats = numbers(part(text, "floats"), "<f4")
-    parameters = [model.theta_d, model.kappa, model.gamma, model.beta, model.spike]
-    expected = np.concatenate([np.ravel(values) for values in parameters])
+    expected = np.concatenate([values.ravel() for values in model.lobes.parts])
     np.testing.assert_array_equal(floats[: expected.size], expected.astype(np.float32))
     assert set(json.loads(part(text, "shaders"))) >= {"constants", "dsbrdf", "sphere"}
 
@@ -87,7 +100,7 @@ def test_rounding_is_as_stated(model):
     assert np.abs(unpacked[seen] / expected[seen] - 1.0).max() <= 1.01 * data.ROUNDING
 
 
-def test_a_profile_whose_slices_differ(model):
+def test_a_profile_whose_angles_differ(model):
     theta_h = model.profile.theta_h + 1e-3 * np.arange(18)[:, None]
     profile = MeasuredProfile(model.profile.theta_d, theta_h, model.profile.mean, model.profile.amplitude)
     packed = data.pack([dataclasses.replace(model, profile=profile)], 10**6)
@@ -100,16 +113,30 @@ def test_no_model():
 
 
 def test_other_channels(model):
-    single = model.replace(
-        kappa=model.kappa[:, :1], gamma=model.gamma[:, :1], beta=model.beta[:, :1], spike=None, profile=None
-    )
+    one = model.lobes.replace(colour=model.lobes.colour[:1])
+    single = dsbrdf.DSBRDF(one, name="one")
     meta = json.loads(part(page([single, single, single]), "meta"))
-    assert meta["materials"][0]["shape"] == [18, 1, 2]
+    assert (meta["materials"][0]["channels"], meta["materials"][0]["rgb"]) == (["value"], [0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("channels", "rgb"),
+    [
+        (["r", "g", "b"], [0, 1, 2]),
+        (["value"], [0, 0, 0]),
+        ([f"{nm}" for nm in range(400, 710, 10)], [21, 15, 6]),
+        (["460nm", "545.5nm", "610nm", "700nm"], [2, 1, 0]),
+        (["a", "b", "c", "d", "e"], [4, 2, 0]),
+        (["0", "1", "2", "3"], [3, 1, 0]),
+    ],
+)
+def test_channels_shown_as_colours(channels, rgb):
+    assert data.rgb_channels(channels) == rgb
 
 
 def test_the_map_puts_likes_together(model):
-    dimmer = model.replace(kappa=model.kappa * 0.98)
-    other = model.replace(gamma=model.gamma * 20.0)
+    dimmer = changed(model, kappa=0.98)
+    other = changed(model, gamma=20.0)
     places, text = layout.place([model, dimmer, other])
     at = np.array([place["position"] for place in places])
     distance = np.hypot(*(at[:, None] - at).transpose(2, 0, 1))
@@ -122,7 +149,7 @@ def test_the_map_puts_likes_together(model):
 def test_the_map_of_a_space(model):
     from dsbrdf.space import build_space
 
-    models = [model, model.replace(kappa=model.kappa * 0.8), model.replace(gamma=model.gamma * 3.0)]
+    models = [model, changed(model, kappa=0.8), changed(model, gamma=3.0)]
     space = build_space(models)
     places, text = layout.place(models, space)
     np.testing.assert_allclose([place["scores"] for place in places], space.fpca.scores[:, :2], atol=1e-3)
@@ -170,7 +197,7 @@ def test_targets(model, tmp_path):
     (tmp_path / ".record.json").write_text("{}")
     assert collect.expand([tmp_path, "matte"]) == [f"{tmp_path}/a.json", f"{tmp_path}/b.json", "matte"]
     opened = collect.open_model(f"{tmp_path}/a.json")
-    np.testing.assert_array_equal(opened.kappa, model.kappa)
+    np.testing.assert_array_equal(opened.lobes.scale, model.lobes.scale)
     told = []
     assert collect.open_model("matte", told.append).name == "matte"
     assert told == ["matte"]

@@ -21,8 +21,8 @@ __all__ = ["Packed", "pack", "rgb_channels"]
 #: Measured means are kept as logarithms in so many steps over so many decades; ROUNDING is the error relative to them.
 DECADES, STEPS = 6, 2**14
 ROUNDING = 0.5 * DECADES * np.log(10.0) / STEPS
-#: Amplitudes over phi_d are kept as so many steps of the mean.
-RATIO_STEPS = 127
+#: Amplitudes over phi_d are kept as so many steps of the mean, so many means at most; at grazing angles they exceed it.
+RATIO_STEPS, MAX_RATIO = 127, 8.0
 #: Every theta_h of the measurement, or every second, ... or none, whichever comes first within the budget.
 THINNING = (1, 2, 3, 0)
 #: Wavelengths in nm that look red, green and blue, and what names of channels are wavelengths.
@@ -125,7 +125,7 @@ def _pack_profile(
     safe = np.where(positive, mean, top)
     share = 1.0 + np.log10(safe / top) / DECADES
     levels = np.where(positive, 1 + np.clip(np.rint(share * (STEPS - 1)), 0, STEPS - 1), 0)
-    ratios = np.rint(RATIO_STEPS * np.clip(np.nan_to_num(amplitude / safe), -1.0, 1.0))
+    ratios = np.rint(RATIO_STEPS * np.clip(np.nan_to_num(amplitude / safe), -MAX_RATIO, MAX_RATIO))
     floats += [_single(profile.theta_d), _single(theta_h), _single([top])]
     words += [_differences(levels), _differences(ratios)]
     return {"shape": [len(profile.theta_d), theta_h.shape[1], len(theta_h)]}

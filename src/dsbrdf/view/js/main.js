@@ -2,7 +2,7 @@
 
 import { albedo, startAlbedo } from "./albedo.js";
 import { bakedGlsl } from "./baked_glsl.js";
-import { channelNames } from "./channels.js";
+import { channelNames, shownChannels } from "./channels.js";
 import { components } from "./components.js";
 import { startCurves } from "./curves.js";
 import { indexOfMaterial, materials } from "./data.js";
@@ -77,7 +77,8 @@ function showChannels(model) {
 
 /** A list, where buttons would be too many. */
 function showChannelList(model) {
-  const names = ["All", ...channelNames(model)];
+  const all = shownChannels(model, null).length < model.nChannels ? "Several" : "All";
+  const names = [all, ...channelNames(model)];
   const options = names.map((name, i) => html("option", { value: i - 1 }, name));
   const select = html("select", { className: "small", "aria-label": "Channel" }, ...options);
   select.value = state.channel ?? -1;

@@ -49,8 +49,9 @@ export function packProfile({ profile, nChannels, rgb }) {
       const [means, amplitudes] = [at(profile.mean), at(profile.amplitude)];
       const there = means.every(Number.isFinite);
       const start = 4 * (2 * PROFILE_COLUMNS * slice + column);
+      const waves = there && amplitudes.every(Number.isFinite) ? amplitudes : [0, 0, 0];
       if (there) data.set([...means, 1], start);
-      if (there && amplitudes.every(Number.isFinite)) data.set(amplitudes, start + 4 * PROFILE_COLUMNS);
+      data.set([...waves, profile.thetaD[slice]], start + 4 * PROFILE_COLUMNS);
     }
   }
   return { width: 2 * PROFILE_COLUMNS, height: nSlices, data };
