@@ -14,8 +14,9 @@ from dsbrdf.cli._app import State, app, check_folder, missing_plots
 class Loss(StrEnum):
     """Losses of a fit."""
 
-    l2 = "l2"
     log = "log"
+    gamma = "gamma"
+    l2 = "l2"
 
 
 @app.command()
@@ -39,10 +40,10 @@ def render(
         ),
     ] = None,
     lobes: Annotated[
-        bool, typer.Option("--lobes", help="Also fits with fewer lobes, and each lobe alone (Figs. 4 and 7).")
+        bool, typer.Option("--lobes", help="Also fits with fewer lobes, and each lobe alone.")
     ] = False,
     compare: Annotated[
-        bool, typer.Option("--compare", help="Also other models of measured materials (Fig. 8).")
+        bool, typer.Option("--compare", help="Also other models of measured materials.")
     ] = False,
     envmap: Annotated[
         Path | None, typer.Option(metavar="HDR", help="Environment map, instead of our own lighting.")
@@ -52,7 +53,7 @@ def render(
     ] = "sphere",
     spp: Annotated[int, typer.Option(min=1, help="Samples a pixel.")] = 64,
     size: Annotated[int, typer.Option(min=1, help="Pixels along a side of each picture.")] = 256,
-    loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.l2,
+    loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.log,
 ) -> None:
     """Render materials: measured, fitted, by lobe, beside other models; with maps of the difference."""
     from dsbrdf.cli import _report as report

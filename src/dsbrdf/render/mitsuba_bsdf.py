@@ -178,7 +178,7 @@ def dsbrdf_class() -> type[Any]:
             azimuth = pair.azimuth() if self._beta.any else None
             channels = [mi.Float(0.0) for _ in range(self._n_channels)]
             for k in range(self._n):
-                gamma = drjit_math.exp2(self._gamma.at(k, functions))
+                gamma = drjit_math.exp2(dr.minimum(self._gamma.at(k, functions), MAX_FACTOR))
                 power = dr.fma(gamma, pair.log2_u, self._scale.at(k, functions))
                 factor = self._factor(k, functions, pair.log2_u, azimuth)
                 for c, exponent in enumerate(self._exponents(k, functions, power)):

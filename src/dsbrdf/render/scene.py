@@ -75,13 +75,13 @@ def check_channels(reflectance: Reflectance, name: str = "") -> None:
     if not isinstance(reflectance, DSBRDF | MeasuredBRDF) or reflectance.n_channels in (1, 3):
         return
     kind, remedy = (
-        ("model", "kappa, gamma, beta and spike")
+        ("model", "of lobes.colour")
         if isinstance(reflectance, DSBRDF)
-        else ("table", "planes and scale")
+        else ("table", "of planes and scale")
     )
     raise ValueError(
         f"{reflectance.name or name or kind}: rendering needs one or three channels, the {kind} has "
-        f"{reflectance.n_channels}. Keep one of them, or three as red, green and blue: those of its arrays {remedy}."
+        f"{reflectance.n_channels}. Keep one of them, or three as red, green and blue: the same index {remedy}."
     )
 
 
