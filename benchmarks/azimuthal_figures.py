@@ -33,7 +33,7 @@ from matplotlib.ticker import NullFormatter
 
 from dsbrdf.measured.reflectance import ggx
 from dsbrdf.paper import metrics
-from dsbrdf.paper.fit_measured import fit_profiles
+from dsbrdf.paper.slice_fit import fit_profiles
 
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#777777"
 BROWN = "#8a3c00"
@@ -76,8 +76,8 @@ def draw_slice(ax: Axes, what: Slice) -> None:
 
     fine = np.linspace(np.deg2rad(0.5), np.deg2rad(theta_h[valid].max()), 300)
     rows = np.tile(fine, (len(samples.theta_d), 1))
-    plain, _ = fit_profiles(samples.profiles(), N_LOBES, azimuthal=False)
-    full, _ = fit_profiles(samples.profiles(), N_LOBES)
+    plain, _ = fit_profiles(samples.profiles(), N_LOBES)
+    full, _ = fit_profiles(samples.profiles(), N_LOBES, azimuthal=True)
     mean = metrics.profile_model(rows, samples.theta_d, *plain)[0][i, 1]
     a, b = (x[i, 1] for x in metrics.profile_model(rows, samples.theta_d, *full))
     ax.plot(np.degrees(fine), mean, color=GREY, lw=1.4, ls="--", label="fit, β = 0")

@@ -9,9 +9,10 @@ fixed factors g, `cos(4 phi_d)` in place of `cos(2 phi_d)`, and gives the floors
 
 MERL is a folder of tables in the format of the MERL database (`.binary`), RGL one of measurements of the RGL
 database (`.bsdf`, isotropic). The tables are Markdown. Numbers are the relative (energy-normalised) RMS over
-all samples, slices and channels. The fit sets beta to zero where it does not pay, as `dsbrdf.fit` does.
+all samples, slices and channels. The fit sets beta to zero where it does not pay, as
+`dsbrdf.paper.fit_slices(azimuthal=True)` does.
 
-MERL tables are collapsed as `dsbrdf.fit` does it by default: 18 slices, theta_h of a degree and more,
+MERL tables are collapsed as `dsbrdf.paper.fit_slices` does it by default: 18 slices, theta_h of a degree and more,
 perimeter masked. RGL files are evaluated at theta_d = 0, 5, ..., 85 degrees, theta_h = i^2 / 90 degrees from
 one degree on (the lower edges of the cells of a MERL table) and every third degree of phi_d. A value is the
 mean over the reciprocal pair; it counts if neither of the two is negative and no direction is more than 80
@@ -36,7 +37,7 @@ from dsbrdf.measured.formats.rgl import read_rgl
 from dsbrdf.measured.reflectance import coated, ggx, oren_nayar
 from dsbrdf.paper import metrics
 from dsbrdf.paper.collapse import MIN_THETA_H, SliceProfile, slice_mask, slice_rows
-from dsbrdf.paper.fit_measured import fit_profiles
+from dsbrdf.paper.slice_fit import fit_profiles
 
 Array = NDArray[np.float64]
 Form = Callable[[Array, Array], Array]
@@ -105,7 +106,7 @@ class Samples:
         )
 
     def profiles(self) -> list[SliceProfile]:
-        """The slices as `dsbrdf.fit` sees them."""
+        """The slices as `dsbrdf.paper.fit_slices` sees them."""
         moments = self.moments(2)
         return [SliceProfile(float(d), self.theta_h, m) for d, m in zip(self.theta_d, moments, strict=True)]
 
@@ -342,7 +343,7 @@ def print_ingredients() -> None:
     for alpha in (0.05, 0.1, 0.2, 0.4):
         for kind, fresnel in (("gold", 0.428 + 2.460j), ("n = 1.5", 1.5)):
             profiles = closed_form(partial(ggx, alpha=alpha, fresnel=fresnel), kind).profiles()
-            parameters, _ = fit_profiles(profiles, 2)
+            parameters, _ = fit_profiles(profiles, 2, azimuthal=True)
             for row in (3, 9, 15):
                 lobes = [", ".join(f"{x[row, 0, k]:.3g}" for x in parameters) for k in (0, 1)]
                 theta_d = np.degrees(profiles[row].theta_d)
