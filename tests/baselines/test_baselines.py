@@ -101,7 +101,7 @@ def test_microfacets_are_those_of_the_reflectances(model, rng):
 
 
 def test_the_lobe_of_the_search_is_that_of_the_reflectances():
-    problem = microfacet._Problem.of(built_in("rough-gold", FEW))
+    problem = microfacet.Problem.of(built_in("rough-gold", FEW))
     for alpha in (0.004, 0.1, 1.0):
         expected = reflectance.ggx(problem.wi, problem.wo, alpha)[:, 0]
         np.testing.assert_allclose(problem.lobe(np.log(alpha)), expected, rtol=1e-8)
@@ -109,7 +109,7 @@ def test_the_lobe_of_the_search_is_that_of_the_reflectances():
 
 @pytest.mark.parametrize("free_f90", [False, True])
 def test_derivatives(free_f90, rng):
-    search = microfacet._Search(microfacet._Problem.of(built_in("satin-plastic", (20, 6, 8))), 2, free_f90)
+    search = microfacet.Search(microfacet.Problem.of(built_in("satin-plastic", (20, 6, 8))), 2, free_f90)
     x = rng.normal(size=search.size) - 2.0
     jacobian = search.jacobian(x)
     for i, step in enumerate(1e-6 * np.eye(search.size)):
@@ -133,8 +133,8 @@ def test_finds_its_own_numbers(truth, fit, convention):
 
 @pytest.mark.parametrize("name", ["paint-two-lobe", "rough-gold", "grey-primer"])
 def test_no_other_start_of_a_pair_is_better_by_much(name, rng):
-    problem = microfacet._Problem.of(built_in(name, FEW))
-    search = microfacet._Search(problem, 2, True)
+    problem = microfacet.Problem.of(built_in(name, FEW))
+    search = microfacet.Search(problem, 2, True)
     fitted = bl.fit_ggx_pair(built_in(name, FEW))
     numbers = [fitted.albedo, fitted.f0.ravel(), fitted.f90, fitted.alpha]
     best = (search.residual(np.log(np.maximum(np.concatenate(numbers), 1e-6))) ** 2).sum()

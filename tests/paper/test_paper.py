@@ -229,5 +229,5 @@ def test_claim_fair_form(found):
     text, status, why = check(claims._ggx_pair, [row(**better | {"cbrt": 0.3})])
     assert status is Status.DIFFERS
     assert "lower error on 1 of 1" in text
-    assert "in the cube root over the whole hemisphere on 0" in text
+    assert "fitted to all of it, on 0 (" in text
     assert "whole hemisphere" in why

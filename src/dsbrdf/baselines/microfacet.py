@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -15,7 +16,7 @@ from dsbrdf.geometry import half_diff
 from dsbrdf.measured import reflectance
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["GGXPair", "LambertGGX", "fit_ggx_pair", "fit_lambert_ggx"]
+__all__ = ["GGXPair", "LambertGGX", "Problem", "fit_ggx_pair", "fit_lambert_ggx", "solve"]
 
 #: Range of alpha.
 ALPHA = (0.001, 1.5)
@@ -122,7 +123,7 @@ def fit_lambert_ggx(measured: MeasuredBRDF) -> LambertGGX:
     -----
     As `fit_ggx_pair`, from three widths.
     """
-    return LambertGGX(*_fit(measured, STARTS_ONE, free_f90=False), name=measured.name)
+    return LambertGGX(*solve(Problem.of(measured), STARTS_ONE, free_f90=False), name=measured.name)
 
 
 def fit_ggx_pair(measured: MeasuredBRDF) -> GGXPair:
@@ -149,22 +150,30 @@ def fit_ggx_pair(measured: MeasuredBRDF) -> GGXPair:
     `f cos_i cos_o`; the offset is a hundredth of the median. With weight on the squares of f as well, as `dsbrdf.fit`
     has it, peaks that no GGX lobe fits cost the rest: the cube root's error rises by half.
     """
-    return GGXPair(*_fit(measured, STARTS_TWO, free_f90=True), name=measured.name)
+    return GGXPair(*solve(Problem.of(measured), STARTS_TWO), name=measured.name)
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
-    """Entries of a table as pairs of directions; arrays (row,) or (row, channel)."""
+class Problem:
+    """Values at pairs of directions, and which squares are to be least.
+
+    Parameters
+    ----------
+    wi, wo : (row, 3) ndarray
+    values, root_weight : (row, channel) ndarray
+        Values in 1/sr, and square roots of the weights of squares.
+    offset : (channel,) ndarray or None
+        Squares are of differences of `ln(f + offset)`; None: of f itself.
+    """
 
     wi: Array
     wo: Array
-    grazing: Array
     values: Array
     root_weight: Array
-    offset: Array
+    offset: Array | None
 
     @classmethod
-    def of(cls, measured: MeasuredBRDF) -> _Problem:
+    def of(cls, measured: MeasuredBRDF) -> Problem:
         """Valid entries at every `D_STEP`-th theta_d and `N_PHI` azimuths.
 
         Raises
@@ -195,7 +204,18 @@ class _Problem:
         offset = OFFSET * np.array(
             [_median(column[ok]) for column, ok in zip(values.T, valid[some].T, strict=True)]
         )
-        return cls(wi, wo, _schlick(wi, wo), values, np.sqrt(weight), offset)
+        return cls(wi, wo, values, np.sqrt(weight), offset)
+
+    @cached_property
+    def grazing(self) -> Array:
+        """Schlick's term (row,)."""
+        return _schlick(self.wi, self.wo)
+
+    def link(self, values: Array) -> tuple[Array, Array]:
+        """What is compared of values (row, channel), and its derivative by them."""
+        if self.offset is None:
+            return values, np.ones_like(values)
+        return np.log(values + self.offset), 1.0 / (values + self.offset)
 
     @cached_property
     def _geometry(self) -> tuple[Array, Array, Array, Array]:
@@ -220,15 +240,17 @@ def _median(values: Array) -> float:
     return float(np.median(lit)) if lit.size else 1.0
 
 
-def _fit(
-    measured: MeasuredBRDF, starts: tuple[tuple[float, ...], ...], *, free_f90: bool
+def solve(
+    problem: Problem, starts: Sequence[tuple[float, ...]], *, free_f90: bool = True
 ) -> tuple[Array, Array, Array, Array]:
-    """Albedo (channel,), F0 (channel, lobe), F90 (lobe,) and alpha (lobe,)."""
+    """Albedo (channel,), F0 (channel, lobe), F90 (lobe,) and alpha (lobe,), ascending, from the best of several alphas.
+
+    F90 is 1 unless it is free.
+    """
     from scipy import optimize
 
-    problem = _Problem.of(measured)
     n_lobes = len(starts[0])
-    search = _Search(problem, n_lobes, free_f90)
+    search = Search(problem, n_lobes, free_f90)
     low, high = np.log(STRENGTH)
     bounds = np.full((2, search.size), [[low], [high]])
     bounds[:, -n_lobes:] = np.log(ALPHA)[:, None]
@@ -257,14 +279,14 @@ def _fit(
     return albedo, f0[:, order], np.where(dark.all(), 0.0, f90[order]), np.exp(log_alpha[order])
 
 
-class _Search:
+class Search:
     """Residuals and their derivatives by the logarithms of albedo, F0, F90 and alpha, in this order."""
 
-    def __init__(self, problem: _Problem, n_lobes: int, free_f90: bool) -> None:
+    def __init__(self, problem: Problem, n_lobes: int, free_f90: bool) -> None:
         self.problem, self.n_lobes, self.free_f90 = problem, n_lobes, free_f90
         self.n_channels = problem.values.shape[1]
         self.size = self.n_channels * (1 + n_lobes) + n_lobes * (1 + free_f90)
-        self.target = np.log(problem.values + problem.offset)
+        self.target = problem.link(problem.values)[0]
 
     def split(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Albedo (channel,), F0 (channel, lobe), F90 (lobe,) and ln alpha (lobe,)."""
@@ -273,15 +295,15 @@ class _Search:
         return np.exp(x[:c]), np.exp(x[c : c * (1 + k)]).reshape(c, k), f90, x[-k:]
 
     def start(self, alphas: tuple[float, ...]) -> Array:
-        """Unknowns at widths: strengths by non-negative least squares of relative differences."""
+        """Unknowns at widths: strengths by non-negative least squares, of relative differences for a logarithm."""
         from scipy.optimize import nnls
 
         problem = self.problem
         log_alpha = np.log(alphas)
         columns = np.stack([np.full(len(problem.wi), 1.0 / np.pi), *map(problem.lobe, log_alpha)], axis=-1)
         strength = np.zeros((self.n_channels, 1 + self.n_lobes))
-        for channel in range(self.n_channels):
-            scale = problem.root_weight[:, channel] / (problem.values[:, channel] + problem.offset[channel])
+        scales = problem.root_weight * problem.link(problem.values)[1]
+        for channel, scale in enumerate(scales.T):
             strength[channel] = nnls(scale[:, None] * columns, scale * problem.values[:, channel])[0]
         # None is left at nothing: from there no step leads back
         least = 1e-3 * np.maximum(strength.max(), 1e-3)
@@ -298,10 +320,9 @@ class _Search:
         return albedo / np.pi + shaped + ((f90 @ lobes) * grazing)[:, None], lobes
 
     def residual(self, x: Array) -> Array:
-        """Weighted differences of logarithms, (row channel,)."""
+        """Weighted differences, (row channel,)."""
         values, _ = self._model(x)
-        difference = np.log(values + self.problem.offset) - self.target
-        flat: Array = (self.problem.root_weight * difference).ravel()
+        flat: Array = (self.problem.root_weight * (self.problem.link(values)[0] - self.target)).ravel()
         return flat
 
     def jacobian(self, x: Array) -> Array:
@@ -309,7 +330,7 @@ class _Search:
         problem, c, k = self.problem, self.n_channels, self.n_lobes
         albedo, f0, f90, log_alpha = self.split(x)
         values, lobes = self._model(x)
-        outer = problem.root_weight / (values + problem.offset)
+        outer = problem.root_weight * problem.link(values)[1]
         jacobian = np.zeros((len(values), c, self.size))
         for channel in range(c):
             jacobian[:, channel, channel] = albedo[channel] / np.pi

@@ -35,7 +35,7 @@ def draw(rows: Sequence[Row]) -> Figure:
             ("bivariate_floor", "_", "#222222", 7.5, "bivariate floor"),
             ("monotone_floor", "_", "#56b4e9", 5.0, "monotone floor"),
             ("torrance_sparrow", "x", colours[4], 3.6, "Lambert + 2 Torrance-Sparrow"),
-            ("ggx_pair", "+", colours[0], 4.2, "Lambert + 2 GGX, whole hemisphere"),
+            ("ggx_pair", "+", colours[0], 4.2, "Lambert + 2 GGX"),
             ("fit", "s", colours[3], 2.8, "dsbrdf.fit, whole hemisphere"),
             ("with_term", "^", colours[2], 3.2, "the model with azimuthal term"),
             ("rel_rms", "o", colours[5], 4.0, "the paper's model, lobes chosen"),

@@ -219,13 +219,12 @@ def _ggx_pair(evidence: _Evidence) -> _Finding:
         sum(getattr(row, a) < getattr(row, b) for row in rows)
         for a, b in (("rel_rms", "ggx_pair"), ("cbrt", "ggx_pair_cbrt"), ("fit_cbrt", "ggx_pair_cbrt"))
     )
-    text = "against GGX lobes with Fresnel terms, 13 numbers fitted to the whole hemisphere: lower error on "
-    text += f"{wins} of {n} materials (median {median(rows, 'rel_rms'):.4f} against {median(rows, 'ggx_pair'):.4f}); "
-    text += (
-        f"in the cube root over the whole hemisphere on {here} (median {median(rows, 'cbrt'):.4f} against "
+    text = (
+        f"against 13 numbers, GGX lobes with Fresnel terms: lower error on {wins} of {n} materials (median "
     )
-    text += f"{median(rows, 'ggx_pair_cbrt'):.4f}), where dsbrdf.fit is better on {new} "
-    text += f"({median(rows, 'fit_cbrt'):.4f})"
+    text += f"{median(rows, 'rel_rms'):.4f} against {median(rows, 'ggx_pair'):.4f}); in the cube root over the whole "
+    text += f"hemisphere, where those were fitted to all of it, on {here} (median {median(rows, 'cbrt'):.4f} against "
+    text += f"{median(rows, 'ggx_pair_cbrt'):.4f}), and dsbrdf.fit on {new} ({median(rows, 'fit_cbrt'):.4f})"
     holds = min(wins, here) >= NEARLY_ALL * n
     why = "the slices hold inside their mask, and not over the whole hemisphere"
     return text, _status(holds), "" if holds else why

@@ -36,8 +36,8 @@ _INTRODUCTION = (
     "Claims of Nishino and Lombardi (JOSA A 28(1), 8-18, 2011) beside our numbers. Errors are relative RMS over "
     "all samples of 18 slices with theta_h of at least one degree, inside the perimeter mask. The paper's model "
     "has no azimuthal term and lobes in the order of kappa; its lobes are counted by Williams' test at 1 %. "
-    "Lambert + 2 GGX and `dsbrdf.fit` are fitted to the whole hemisphere, by logarithms; `cbrt` is the error of the "
-    "cube root there, which none but these was fitted to."
+    "`dsbrdf.fit` is fitted to the whole hemisphere, by logarithms, and so is Lambert + 2 GGX where the error is that "
+    "of the cube root (cbrt) there; elsewhere that is fitted to the slices by least squares, as the paper's models are."
 )
 
 
@@ -50,13 +50,13 @@ def summary(rows: Sequence[Row]) -> str:
         "with_term": "the same with the azimuthal term",
         "em": "the paper's model by EM alone",
         "torrance_sparrow": "Lambert + 2 Torrance-Sparrow, 15 numbers",
-        "ggx_pair": "Lambert + 2 GGX, 13 numbers, fitted to the whole hemisphere",
+        "ggx_pair": "Lambert + 2 GGX with Fresnel terms, 13 numbers",
         "fit": "`dsbrdf.fit`, fitted to the whole hemisphere",
         "bivariate_floor": "bivariate floor",
         "monotone_floor": "monotone floor",
         "azimuthal_floor": "azimuthal floor",
         "cbrt": "cube root, whole hemisphere: the paper's model",
-        "ggx_pair_cbrt": "cube root, whole hemisphere: Lambert + 2 GGX",
+        "ggx_pair_cbrt": "cube root, whole hemisphere: Lambert + 2 GGX, fitted to it",
         "fit_cbrt": "cube root, whole hemisphere: `dsbrdf.fit`",
     }
     lines = [

@@ -38,12 +38,13 @@ class Row:
     bivariate_floor, monotone_floor, azimuthal_floor : float
     torrance_sparrow, ggx_pair : float
         Lambert and two Torrance-Sparrow lobes, as the paper has them, and in the form of today's renderers, with
-        Fresnel terms, fitted to the whole hemisphere (`dsbrdf.baselines.fit_ggx_pair`).
+        Fresnel terms.
     fit : float
         The model of `dsbrdf.fit`, fitted to the whole hemisphere.
     cbrt, ggx_pair_cbrt, fit_cbrt : float
         Error of the cube root over the whole hemisphere (`dsbrdf.fitting.metrics`), of the paper's model, of Lambert
-        with two GGX lobes, and of the model of `dsbrdf.fit`.
+        with two GGX lobes fitted to the whole hemisphere (`dsbrdf.baselines.fit_ggx_pair`), and of the model of
+        `dsbrdf.fit`.
     unconverged : int
         Slices of the paper's model that ran out of iterations.
     seconds : float
@@ -73,7 +74,7 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
     paper = paper_fit(measured)
     n_lobes, errors = paper.model.n_lobes, paper.errors
     other = baselines.fit_lambert_torrance_sparrow(measured)
-    pair = fit_ggx_pair(measured)
+    pair = baselines.fit_ggx_pair(measured)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         new = fit(measured)
@@ -90,7 +91,7 @@ def measure(measured: MeasuredBRDF, name: str) -> Row:
         fit=baselines.errors(new.model, measured).rel_rms,
         em=paper_fit(measured, n_lobes, method="em").errors.rel_rms,
         cbrt=metrics.errors(paper.model, measured).cbrt,
-        ggx_pair_cbrt=metrics.errors(pair, measured).cbrt,
+        ggx_pair_cbrt=metrics.errors(fit_ggx_pair(measured), measured).cbrt,
         fit_cbrt=new.errors.cbrt,
         unconverged=sum(not report.status.ok for report in paper.slices),
         seconds=paper.seconds,
