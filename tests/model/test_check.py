@@ -12,9 +12,7 @@ from dsbrdf.model import check, chi_square, sampling
 from dsbrdf.model.check import check_model
 
 FINE = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], name="fine")
-BRIGHT = by_hand(
-    [np.log1p(1.2 / np.pi)], [1e-9], [0.0], rise=0.0, tint=(0.5, 1.0, 0.5), name="bright"
-)
+BRIGHT = by_hand([np.log1p(1.2 / np.pi)], [1e-9], [0.0], rise=0.0, tint=(0.5, 1.0, 0.5), name="bright")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +66,7 @@ def test_a_sampler_that_is_worse_than_cosine(monkeypatch):
     """One for another material: exact, and noisy."""
     other = by_hand([3.0], [2e4], [0.0]).lobes
     tables = sampling.tables(other)
-    monkeypatch.setattr(sampling, "tables", lambda lobes: tables)
+    monkeypatch.setattr(sampling, "tables", lambda _: tables)
     matte = by_hand([0.1], [1.5], [0.0], name="matte")
     problems = check_model(matte).problems
     assert problems

@@ -75,7 +75,8 @@ def test_values_are_those_of_numpy(name, rng):
 
 
 @pytest.mark.parametrize(
-    "sizes", [(1, 1, 1, 1, 1), (2, 2, 2, 2, 2), (3, 3, 3, 3, 3), (6, 4, 3, 1, 2), (4, 7, 5, 6, 1), (9, 1, 4, 2, 5)]
+    "sizes",
+    [(1, 1, 1, 1, 1), (2, 2, 2, 2, 2), (3, 3, 3, 3, 3), (6, 4, 3, 1, 2), (4, 7, 5, 6, 1), (9, 1, 4, 2, 5)],
 )
 @pytest.mark.parametrize("n_channels", [1, 3])
 def test_curves_of_any_size(sizes, n_channels, rng):
@@ -359,6 +360,20 @@ def test_arrays_of_a_scene(rng, capfd):
     assert capfd.readouterr().err == ""
 
 
+def test_numbers_in_the_kernel(rng):
+    """The same values; an optimiser's gradients come through all the same."""
+    model, (wi, wo) = MODELS["glossy-plastic"], pairs(rng, 1000)
+    fixed = mi.load_dict(render.to_dict(model) | {"fixed": True})
+    for a, b in zip(*(tools.evaluate(bsdf, wi, wo) for bsdf in (fixed, tools.load(model))), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+    parameters = mi.traverse(fixed)
+    dr.enable_grad(parameters["gamma"])
+    parameters.update()
+    value = fixed.eval(mi.BSDFContext(), tools.interaction(wi), tools.vectors(wo))
+    dr.backward(dr.sum(value, axis=None))
+    assert np.array(dr.grad(parameters["gamma"])).all()
+
+
 def test_one_channel_is_grey(rng):
     model, (wi, wo) = some_model(3, n_channels=1), pairs(rng, 100)
     value, _ = tools.evaluate(tools.load(model), wi, wo)
@@ -391,7 +406,10 @@ def test_new_values_are_sampled_anew(rng):
     ("model", "text"),
     [
         (some_model(n_channels=2), "needs 1 or 3 channels, the model has 2"),
-        (by_hand([0.2, 90.0], [1.0, 9.0], [0.0, 0.0], rise=0.0), "'kappa' must be at most 87 in single precision, got 108"),
+        (
+            by_hand([0.2, 90.0], [1.0, 9.0], [0.0, 0.0], rise=0.0),
+            "'kappa' must be at most 87 in single precision, got 108",
+        ),
     ],
 )
 def test_models_that_do_not_fit(model, text):

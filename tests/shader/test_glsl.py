@@ -70,13 +70,17 @@ def test_curves_of_any_size(page, rng, sizes):
     assert_equal_to_python(page, of_sizes(rng, sizes, n_lobes=1 + sizes[0] % 3), rng)
 
 
-def test_the_texture_holds_what_is_baked(page, rng):
+def test_the_texture_holds_what_is_baked(page):
     """`texture.glsl` reads the same texels from a texture, here as inputs of a draw."""
     model = MODELS["plastic"]
     texels = shader.texels(model.lobes)
     most = max(part.shape[-1] for part in model.lobes.parts)
     assert texels.shape == (2 + 2 * most * model.n_lobes + 3 * sampling.N_ROWS, 4)
-    source = shader.sources()["texture"].replace("u_parameters", "u_inputs").replace("uniform sampler2D u_inputs;", "")
+    source = (
+        shader.sources()["texture"]
+        .replace("u_parameters", "u_inputs")
+        .replace("uniform sampler2D u_inputs;", "")
+    )
     n = np.arange(len(texels))
     index = np.stack([n, 0 * n, 0 * n, 0 * n], axis=-1).astype(float)
     # Inputs lie in rows of 1024 pixels of two texels, index and texel

@@ -172,7 +172,7 @@ def _problems(report: CheckReport) -> list[str]:
     for theta, ours, cosine in zip(report.theta_o, report.weight_std, report.cosine_std, strict=True):
         if not ours <= cosine + WORSE:
             found.append(
-                f"the sampler is worse than cosine-weighted directions at {np.rad2deg(theta):.0f} degrees: weights have "
-                f"a standard deviation of {ours:.2f} of their mean, against {cosine:.2f}."
+                f"the sampler is worse than cosine-weighted directions at {np.rad2deg(theta):.0f} degrees: weights "
+                f"have a standard deviation of {ours:.2f} of their mean, against {cosine:.2f}."
             )
     return found

@@ -67,8 +67,7 @@ class SamplingTables:
     @property
     def cosine(self) -> Array:
         """Share (row,) of cosine-weighted directions."""
-        rest: Array = 1.0 - self.shares.sum(1)
-        return rest
+        return np.asarray(1.0 - self.shares.sum(1))
 
 
 _made: WeakKeyDictionary[Lobes, SamplingTables] = WeakKeyDictionary()
@@ -108,8 +107,7 @@ def tables_for(value: Value) -> SamplingTables:
 def _densities(log_u: Array) -> Array:
     """Density (power, ...) of half vectors over solid angle, of each power at ln u (...)."""
     column = POWERS.reshape(-1, *(1,) * np.ndim(log_u))
-    density: Array = (column + 2.0) / (2.0 * np.pi) * np.exp((column + 1.0) * log_u)
-    return density
+    return np.asarray((column + 2.0) / (2.0 * np.pi) * np.exp((column + 1.0) * log_u))
 
 
 def _row(cos_theta: Array) -> NDArray[np.int_]:

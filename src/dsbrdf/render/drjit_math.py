@@ -30,7 +30,7 @@ _EXP2M1 = (
     .convert(kind=np.polynomial.Polynomial)
     .coef.tolist()
 )
-#: A number whose last bit counts ones: added to another it rounds it, and its last bits hold the integer. And the bits of 1.
+#: Added to a number it rounds it, and the last bits of the sum hold the integer. And the bits of 1.
 _INTEGERS, _ONE = 1.5 * 2.0**23, 127 << 23
 #: Squares of lengths below this are zero.
 _TINY = 1e-20
@@ -46,8 +46,8 @@ def _split(x: Any) -> tuple[Any, Any]:
     total = _EXP2M1[-1]
     for coefficient in _EXP2M1[-2::-1]:
         total = dr.fma(total, f, coefficient)
-    exponent = dr.reinterpret_array(mi.Int, shifted) << 23
-    return dr.reinterpret_array(mi.Float, exponent + _ONE), f * total
+    exponent: Any = dr.reinterpret_array(mi.Int, shifted)
+    return dr.reinterpret_array(mi.Float, (exponent << 23) + _ONE), f * total
 
 
 def exp2(x: Any) -> Any:
@@ -133,7 +133,9 @@ def pair(wi: Any, wo: Any) -> Pair:
     inverse = dr.rcp(length2)
     sin2, cos2 = rho2 * inverse, s.z * s.z * inverse
     length = dr.sqrt(length2)
-    return Pair(sin2, log2_cos(sin2, cos2), s.z * length * inverse, dr.minimum(0.5 * length, 1.0), s, d, length2)
+    return Pair(
+        sin2, log2_cos(sin2, cos2), s.z * length * inverse, dr.minimum(0.5 * length, 1.0), s, d, length2
+    )
 
 
 def packets(array: Any) -> Any:

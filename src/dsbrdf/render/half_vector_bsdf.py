@@ -99,9 +99,7 @@ def base_class() -> type[Any]:
             active &= self._seen(ctx, si.wi, wo)
             pair = drjit_math.pair(si.wi, wo)
             value = self._value(pair, active) * wo.z
-            return dr.select(active, value, 0.0), dr.select(
-                active, self._density(pair, si.wi, wo), 0.0
-            )
+            return dr.select(active, value, 0.0), dr.select(active, self._density(pair, si.wi, wo), 0.0)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             active &= self._seen(ctx, si.wi, wo)

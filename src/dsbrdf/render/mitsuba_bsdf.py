@@ -1,13 +1,14 @@
 """The plugin `dsbrdf` for Mitsuba 3: a fitted model as a bsdf, differentiable in its parameters.
 
 `dsbrdf.render.register` makes it known; `docs/mitsuba.md` describes it for the author of a scene. Values come from the
-curves: the functions of a curve over x = cos(theta_d) are computed once for all lobes, and their coefficients are
-numbers of the kernel, so that nothing is looked up; one power serves all channels of a lobe.
+curves: the functions of a curve over x = cos(theta_d) are computed once for all lobes, and coefficients are numbers that
+are the same for all rays, so that nothing is looked up by x; one power serves all channels of a lobe.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from typing import Any
 
@@ -104,16 +105,22 @@ def dsbrdf_class() -> type[Any]:
     class Curves:
         """Curves over x that share a size; gradients reach the tensor they come from."""
 
-        def __init__(self, tensor: Any, scale: float = 1.0, shift: float = 0.0) -> None:
-            """Of a tensor (..., coefficient), times `scale`, plus `shift`."""
+        def __init__(self, tensor: Any, fixed: bool, scale: float = 1.0, shift: float = 0.0) -> None:
+            """Of a tensor (..., coefficient), times `scale`, plus `shift`; `fixed` puts them into the kernel."""
             self.size = tensor.shape[-1]
             self.constant: list[Any] = []
             self.rises: list[list[Any]] = []
-            for first in range(0, math.prod(tensor.shape), self.size):
-                numbers = [dr.gather(mi.Float, tensor.array, mi.UInt32(first + i)) for i in range(self.size)]
+            size = math.prod(tensor.shape)
+            if fixed and not dr.grad_enabled(tensor):
+                every = [mi.Float(x) for x in np.array(tensor).ravel().tolist()]
+            else:
+                every = [dr.gather(mi.Float, tensor.array, mi.UInt32(i)) for i in range(size)]
+            for first in range(0, size, self.size):
+                numbers = every[first : first + self.size]
                 self.constant.append(dr.fma(numbers[0], scale, shift))
-                self.rises.append([(b - a) * scale for a, b in zip(numbers, numbers[1:], strict=False)])
-            dr.eval(self.constant, self.rises)
+                self.rises.append([(b - a) * scale for a, b in itertools.pairwise(numbers)])
+            if not fixed:
+                dr.eval(self.constant, self.rises)
             # What is zero, and stays it, costs nothing
             self.any = shift != 0.0 or dr.grad_enabled(tensor) or bool(np.any(np.array(dr.detach(tensor))))
 
@@ -146,6 +153,7 @@ def dsbrdf_class() -> type[Any]:
             model = _model_of(props)
             _check(model.lobes)
             self._name = model.name
+            self._fixed = bool(props.get("fixed", False))
             self._n, self._n_channels = model.n_lobes, model.n_channels
             for name in ARRAYS:
                 setattr(self, name, mi.TensorXf(getattr(model.lobes, name).astype(np.float32)))
@@ -157,14 +165,15 @@ def dsbrdf_class() -> type[Any]:
 
         def parameters_changed(self, _keys: Any) -> None:
             # Everything to the base 2: kappa is that of exp2m1
-            self._scale = Curves(self.scale, LOG2_E, math.log2(LOG2_E))
-            self._gamma = Curves(self.gamma, LOG2_E)
-            self._beta = Curves(self.beta, LOG2_E)
-            self._falloff = Curves(self.falloff)
-            self._colour = Curves(self.colour, LOG2_E)
+            self._scale = Curves(self.scale, self._fixed, LOG2_E, math.log2(LOG2_E))
+            self._gamma = Curves(self.gamma, self._fixed, LOG2_E)
+            self._beta = Curves(self.beta, self._fixed, LOG2_E)
+            self._falloff = Curves(self.falloff, self._fixed)
+            self._colour = Curves(self.colour, self._fixed, LOG2_E)
             if self._colour.size == 1:
                 self._tint = [drjit_math.exp2(c) for c in self._colour.constant]
-                dr.eval(self._tint)
+                if not self._fixed:
+                    dr.eval(self._tint)
             self._sizes = {
                 c.size for c in (self._scale, self._gamma, self._beta, self._falloff, self._colour)
             }

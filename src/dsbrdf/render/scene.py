@@ -75,9 +75,7 @@ def check_channels(reflectance: Reflectance, name: str = "") -> None:
     if not isinstance(reflectance, DSBRDF | MeasuredBRDF) or reflectance.n_channels in (1, 3):
         return
     kind, remedy = (
-        ("model", "of lobes.colour")
-        if isinstance(reflectance, DSBRDF)
-        else ("table", "of planes and scale")
+        ("model", "of lobes.colour") if isinstance(reflectance, DSBRDF) else ("table", "of planes and scale")
     )
     raise ValueError(
         f"{reflectance.name or name or kind}: rendering needs one or three channels, the {kind} has "
