@@ -2,10 +2,10 @@
 
     python benchmarks/render_quality.py FOLDER [--pattern '*.binary'] [--envmap HDR] [--size 96] [--spp 144] [--every 1]
 
-Spheres under our own lighting or an environment map, in one exposure a material, which brings the mean luminance of the
-measured one to the value in `dsbrdf.render.picture`. Lobes are chosen by the fit. All have the same seed, and so much the
-same noise. "Noise" is the measured sphere under another seed, for every tenth material: what noise alone would make.
-About 5 s a material on two cores.
+Spheres under our own lighting or an environment map, in one exposure a material, which brings the mean luminance of
+the measured one to the value in `dsbrdf.render.picture`. Lobes are chosen by the fit. All have the same seed, and so
+much the same noise. "Noise" is the measured sphere under another seed, for every tenth material: what noise alone would
+make. About 5 s a material on two cores.
 """
 
 import argparse

@@ -3,9 +3,9 @@
     python benchmarks/rendering.py [ENVMAP]
 
 Without a map, our own lighting. Processor seconds of the whole process, which suffer less from neighbours than wall
-time; renders alternate, after one that compiles, and ratios are medians of those of neighbours in time. Also the time to
-load each material, and the standard deviation of sample weights against cosine sampling. Takes about two minutes on two
-cores.
+time; renders alternate, after one that compiles, and ratios are medians of those of neighbours in time. Also the time
+to load each material, and the standard deviation of sample weights against cosine sampling. Takes about two minutes on
+two cores.
 """
 
 import statistics

@@ -81,8 +81,7 @@ def log2_cos(sin2: Any, cos2: Any) -> Any:
 class Pair:
     """What a reflectance needs of two directions; `half_z` and `cos_d` are the cosines of theta_h and theta_d."""
 
-    sin2: Any
-    log2_u: Any  # ln2 cos(theta_h)
+    log2_u: Any  # of cos(theta_h)
     half_z: Any
     cos_d: Any
     sum: Any
@@ -133,9 +132,8 @@ def pair(wi: Any, wo: Any) -> Pair:
     inverse = dr.rcp(length2)
     sin2, cos2 = rho2 * inverse, s.z * s.z * inverse
     length = dr.sqrt(length2)
-    return Pair(
-        sin2, log2_cos(sin2, cos2), s.z * length * inverse, dr.minimum(0.5 * length, 1.0), s, d, length2
-    )
+    half_z, cos_d = s.z * length * inverse, dr.minimum(0.5 * length, 1.0)
+    return Pair(log2_cos(sin2, cos2), half_z, cos_d, s, d, length2)
 
 
 def packets(array: Any) -> Any:

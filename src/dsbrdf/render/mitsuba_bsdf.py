@@ -1,8 +1,8 @@
 """The plugin `dsbrdf` for Mitsuba 3: a fitted model as a bsdf, differentiable in its parameters.
 
 `dsbrdf.render.register` makes it known; `docs/mitsuba.md` describes it for the author of a scene. Values come from the
-curves: the functions of a curve over x = cos(theta_d) are computed once for all lobes, and coefficients are numbers that
-are the same for all rays, so that nothing is looked up by x; one power serves all channels of a lobe.
+curves: the functions of a curve over x = cos(theta_d) are computed once for all lobes, and coefficients are the same
+for all rays, so that nothing is looked up by x; one power serves all channels of a lobe.
 """
 
 from __future__ import annotations
