@@ -166,6 +166,7 @@ def test_chi_square(name, theta_i):
 
 
 @pytest.mark.shared
+@pytest.mark.filterwarnings("ignore:.*the search ended")
 @pytest.mark.parametrize("name", METALS)
 def test_chi_square_of_metals(decoded, name):
     bsdf = tools.load(dsbrdf.fit(dsbrdf.read(decoded(name))).model)

@@ -58,6 +58,7 @@ def test_values_and_densities(page, rng, name):
 
 
 @pytest.mark.shared
+@pytest.mark.filterwarnings("ignore:.*the search ended")
 @pytest.mark.parametrize("name", DECODED)
 def test_values_and_densities_of_decoded_materials(page, decoded, rng, name):
     assert_equal_to_python(page, dsbrdf.fit(dsbrdf.read(decoded(name))).model, rng)
