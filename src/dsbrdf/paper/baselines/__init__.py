@@ -3,8 +3,8 @@
 Each has the interface of `dsbrdf.baselines`, and a `fit_*` function that takes the samples that
 `dsbrdf.paper.fit_slices` takes: 18 slices, theta_h of at least one degree, inside the perimeter mask. `errors` gives
 the relative RMS of any of them, of `Slices` and of a `DSBRDF` over those samples. Lambert with two Torrance-Sparrow
-lobes is Fig. 7's, `fit_ggx_pair` a fair form of it, interpolation Fig. 6's, and von Mises-Fisher lobes are what Section 3
-sets out to improve on.
+lobes is Fig. 7's, `fit_ggx_pair` a fair form of it, interpolation Fig. 6's, and von Mises-Fisher lobes are what Section
+3 sets out to improve on.
 """
 
 from dsbrdf.paper.baselines._base import SliceOptions, errors
