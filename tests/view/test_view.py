@@ -217,12 +217,15 @@ def test_command(model, tmp_path, capsys):
     assert "none.json: No such file" in capsys.readouterr().err
 
 
-def test_fit_and_demo_write_the_page(tmp_path, monkeypatch, capsys):
+def test_fit_writes_the_page(tmp_path, capsys):
     assert cli.main(["fit", "matte", "--lobes", "1", "--view", "-o", str(tmp_path / "fit")]) == 0
     text = (tmp_path / "fit" / collect.PAGE).read_text()
     assert json.loads(part(text, "meta"))["materials"][0]["name"] == "matte"
     assert cli.main(["fit", "matte", "--view"]) == 2
     assert "the page needs a folder: add -o DIR" in capsys.readouterr().err
+
+
+def test_demo_writes_the_page(tmp_path, monkeypatch):
     monkeypatch.setattr("dsbrdf.measured.built_in.names", lambda: ("matte",))
     monkeypatch.setattr("dsbrdf.cli.demo.missing_plots", lambda: "no matplotlib")
     assert cli.main(["demo", "--view", "-o", str(tmp_path / "demo")]) == 0

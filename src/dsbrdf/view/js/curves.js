@@ -70,7 +70,9 @@ export function measuredPlane(profile, thetaD) {
 
 function verticalScale(curves, measured, other) {
   const numbers = ({ angles, values }) =>
-    values.flatMap((point, i) => (Math.abs(angles[i]) < STEEP ? [...point] : [])).filter((value) => value > 0);
+    values
+      .flatMap((point, i) => (Math.abs(angles[i]) < STEEP ? [...point] : []))
+      .filter((value) => value > 0);
   const fitted = numbers(curves);
   const seen = measured ? [...numbers(measured), Math.max(...fitted)] : fitted;
   if (other) seen.push(Math.max(...numbers(other)));

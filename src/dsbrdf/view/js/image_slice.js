@@ -99,7 +99,11 @@ function drawSlices() {
       const put = (kind, colour, opacity = 1) =>
         images[kind].data.set([...colour, 255 * opacity], 4 * (row * SIZE + column));
       const measured = profile && measuredAt(profile, thetaH, thetaD);
-      put("fitted", displayColour(model, meanOverPhi(model, thetaH, thetaD)), profile && !measured ? VEILED : 1);
+      put(
+        "fitted",
+        displayColour(model, meanOverPhi(model, thetaH, thetaD)),
+        profile && !measured ? VEILED : 1,
+      );
       if (!measured) continue;
       put("measured", displayColour(model, measured.values));
       const { cell } = measured;
@@ -123,7 +127,10 @@ function showCell(kind, event) {
   const { profile } = baseModel();
   const measured = profile && measuredAt(profile, thetaH, thetaD);
   const model = currentModel();
-  const format = (values) => asRgb(model, values).map((value) => formatNumber(value)).join(", ");
+  const format = (values) =>
+    asRgb(model, values)
+      .map((value) => formatNumber(value))
+      .join(", ");
   const parts = [`θ_h ${formatNumber(degrees(thetaH))}°, θ_d ${formatNumber(degrees(thetaD))}°`];
   if (measured) parts.push(`measured ${format(measured.values)}`);
   parts.push(`${profile ? "fitted" : "model"} ${format(meanOverPhi(model, thetaH, thetaD))} /sr`);

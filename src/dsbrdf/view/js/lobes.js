@@ -97,7 +97,11 @@ function showRows() {
 /** What each lobe is, its share of the light, and how wide it is. */
 function showComponents() {
   components(currentModel()).forEach(({ share, width, label }, lobe) => {
-    const parts = [label, `${(100 * share).toFixed(1)} % of the light`, `half width ${formatNumber(degrees(width), 2)}°`];
+    const parts = [
+      label,
+      `${(100 * share).toFixed(1)} % of the light`,
+      `half width ${formatNumber(degrees(width), 2)}°`,
+    ];
     rows[lobe].about.textContent = state.edits[lobe].on ? parts.join(" · ") : "off";
   });
 }
@@ -107,7 +111,9 @@ function showNumbers() {
   const model = currentModel();
   const { lnKappa, gamma } = parametersAt(model, Math.cos(radians(state.thetaD)));
   rows.forEach(({ sliders }, lobe) => {
-    const kappas = Array.from({ length: model.nChannels }, (_, c) => Math.exp(lnKappa[c * model.nLobes + lobe]));
+    const kappas = Array.from({ length: model.nChannels }, (_, c) =>
+      Math.exp(lnKappa[c * model.nLobes + lobe]),
+    );
     const values = { kappa: kappas, gamma: [gamma[lobe]] };
     for (const { key, range } of sliders) {
       range.title = `${SYMBOLS[key]} here: ${values[key].map((value) => formatNumber(value)).join(", ")}`;

@@ -112,4 +112,15 @@ readFragment();
 addEventListener("hashchange", readFragment);
 
 /** For the console, and for tests. */
-window.dsbrdf = { meta, materials, state, setState, sphere, evaluate, meanOverPhi, albedo, components, currentModel };
+window.dsbrdf = {
+  meta,
+  materials,
+  state,
+  setState,
+  sphere,
+  evaluate,
+  meanOverPhi,
+  albedo,
+  components,
+  currentModel,
+};

@@ -1,6 +1,6 @@
 // Kappa, gamma, beta and falloff of each lobe over theta_d.
 
-import { lobeColour, lobeDash, shownChannels } from "./channels.js";
+import { channelNames, lobeColour, lobeDash } from "./channels.js";
 import { parametersAt, radians } from "./material.js";
 import { linearScale, logBounds, logScale, niceTicks, onResize, Plot } from "./plot.js";
 import { currentModel, state, subscribe } from "./state.js";
@@ -23,12 +23,20 @@ export function startParameters() {
   onResize(holders.kappa, drawParameters);
 }
 
-/** Curves of a lobe, one for gamma, beta and falloff, one for each shown channel for kappa: (curve, theta_d). */
-function curvesOf(points, model, key, lobe) {
-  if (key !== "kappa") return [points.map((point) => point[key][lobe])];
-  return shownChannels(model, state.channel).map((channel) =>
-    points.map(({ lnKappa }) => Math.exp(lnKappa[channel * model.nLobes + lobe])),
-  );
+/** Values over theta_d of a lobe; kappa is that of the chosen channel, or the geometric mean of all. */
+function curveOf(points, model, key, lobe) {
+  if (key !== "kappa") return points.map((point) => point[key][lobe]);
+  const channels = state.channel === null ? [...Array(model.nChannels).keys()] : [state.channel];
+  return points.map(({ lnKappa }) => {
+    const sum = channels.reduce((total, channel) => total + lnKappa[channel * model.nLobes + lobe], 0);
+    return Math.exp(sum / channels.length);
+  });
+}
+
+function titleOf(model, key) {
+  if (key !== "kappa" || model.nChannels === 1) return TITLES[key];
+  const of = state.channel === null ? "mean of the channels" : channelNames(model)[state.channel];
+  return `${TITLES.kappa}, ${of}`;
 }
 
 function parameterScale(key, values) {
@@ -43,25 +51,23 @@ function drawParameters() {
   const points = AT.map((angle) => parametersAt(model, Math.cos(radians(angle))));
   const lobes = state.edits.flatMap(({ on }, lobe) => (on ? [lobe] : []));
   for (const [key, holder] of Object.entries(holders)) {
-    const curves = lobes.map((lobe) => curvesOf(points, model, key, lobe));
-    const scale = parameterScale(key, curves.flat(2));
+    const curves = lobes.map((lobe) => curveOf(points, model, key, lobe));
+    const scale = parameterScale(key, curves.flat());
     const plot = new Plot(holder, {
       x: linearScale(0, 90, ANGLES, String),
       y: scale,
       xTitle: "θ_d (degrees)",
-      yTitle: TITLES[key],
+      yTitle: titleOf(model, key),
       label: `${key} of ${model.nLobes} lobes of ${model.name} over theta_d`,
       margin: SMALL,
     });
-    curves.forEach((ofLobe, i) => {
-      for (const values of ofLobe) {
-        plot.line(AT, values, {
-          class: `parameter${ofLobe.length > 1 ? " faint" : ""}`,
-          stroke: lobeColour(lobes[i]),
-          "stroke-dasharray": lobeDash(lobes[i]),
-          "data-lobe": lobes[i],
-        });
-      }
+    curves.forEach((values, i) => {
+      plot.line(AT, values, {
+        class: "parameter",
+        stroke: lobeColour(lobes[i]),
+        "stroke-dasharray": lobeDash(lobes[i]),
+        "data-lobe": lobes[i],
+      });
     });
     plot.line([state.thetaD, state.thetaD], [scale.from(0), scale.from(1)], { class: "here" });
   }

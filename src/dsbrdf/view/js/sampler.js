@@ -73,7 +73,10 @@ function growth(shares, nodes, target) {
     ofTilt[tilt] += ratio * toPdf;
     ofCosine += ratio * cosine;
   });
-  return [...densities.map((density) => density.reduce((sum, x, tilt) => sum + x * ofTilt[tilt], 0)), ofCosine];
+  return [
+    ...densities.map((density) => density.reduce((sum, x, tilt) => sum + x * ofTilt[tilt], 0)),
+    ofCosine,
+  ];
 }
 
 function sharesOf(nodes, target) {
