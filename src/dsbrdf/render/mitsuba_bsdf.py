@@ -28,10 +28,10 @@ __all__ = ["PLUGIN", "dsbrdf_class", "to_dict"]
 #: Name of the plugin in scenes.
 PLUGIN = "dsbrdf"
 ARRAYS = tuple(field.name for field in dataclasses.fields(Lobes))
-#: Largest kappa whose lobe is a number in single precision.
-MAX_KAPPA = drjit_math.MAX_EXPONENT / LOG2_E
-#: The same of its logarithm to the base 2, and the largest power of two of a lobe's factor.
-MAX_LOG2, MAX_FACTOR = math.log2(drjit_math.MAX_EXPONENT), 60.0
+#: Largest powers of two of a lobe and of its factor: their product is a number in single precision. What is higher, a
+#: kappa above 43, counts as that.
+MAX_LOBE, MAX_FACTOR = 63.0, 60.0
+MAX_LOG2 = math.log2(MAX_LOBE)
 
 
 def to_dict(model: DSBRDF) -> dict[str, Any]:
@@ -80,19 +80,6 @@ def _model_of(props: Any) -> DSBRDF:
     for name, shape in (("beta", (n_lobes, 1)), ("falloff", (n_lobes, 1)), ("colour", (1, n_lobes, 1))):
         arrays.setdefault(name, np.zeros(shape))
     return DSBRDF(Lobes(**arrays), name=props.id())
-
-
-def _check(lobes: Lobes) -> None:
-    """Raise ValueError if there are other channels than one or three, or kappa leaves single precision."""
-    if lobes.n_channels not in (1, 3):
-        raise ValueError(
-            f"bsdf {PLUGIN!r}: an rgb variant needs 1 or 3 channels, the model has {lobes.n_channels}."
-        )
-    largest = float(lobes.at(np.linspace(0.0, np.pi / 2, 91)).kappa.max())
-    if largest > MAX_KAPPA:
-        raise ValueError(
-            f"bsdf {PLUGIN!r}: 'kappa' must be at most {MAX_KAPPA:.0f} in single precision, got {largest:g}."
-        )
 
 
 @once_a_variant
@@ -151,7 +138,10 @@ def dsbrdf_class() -> type[Any]:
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             model = _model_of(props)
-            _check(model.lobes)
+            if model.n_channels not in (1, 3):
+                raise ValueError(
+                    f"bsdf {PLUGIN!r}: an rgb variant needs 1 or 3 channels, the model has {model.n_channels}."
+                )
             self._name = model.name
             self._fixed = bool(props.get("fixed", False))
             self._n, self._n_channels = model.n_lobes, model.n_channels
@@ -211,8 +201,8 @@ def dsbrdf_class() -> type[Any]:
             if self._colour.size > 1:
                 powers = [power + self._colour.at(i, functions) for i in of_lobe]
                 return [drjit_math.exp2(dr.minimum(p, MAX_LOG2)) for p in powers]
-            common = drjit_math.exp2(dr.minimum(power, MAX_LOG2))
-            return [dr.minimum(common * self._tint[i], drjit_math.MAX_EXPONENT) for i in of_lobe]
+            common = drjit_math.exp2(dr.minimum(power, MAX_FACTOR))
+            return [dr.minimum(common * self._tint[i], MAX_LOBE) for i in of_lobe]
 
         def to_string(self) -> str:
             return (

@@ -10,9 +10,9 @@
 // the shares of the sampler.
 
 const float DSBRDF_PI = 3.14159265358979;
-// What single precision holds: of ln(kappa), and of exponents
-const float DSBRDF_MAX_LN_KAPPA = 4.46;
-const float DSBRDF_MAX_EXPONENT = 80.0;
+// What is higher counts as that: the product of the two exponentials is a number in single precision
+const float DSBRDF_MAX_LN_KAPPA = 3.77;
+const float DSBRDF_MAX_EXPONENT = 40.0;
 
 // exp(x) - 1 in full precision; a difference would vanish far from the peak of a lobe
 vec3 dsbrdf_expm1(vec3 x) {
