@@ -1,8 +1,9 @@
 """Directional statistics BRDF model: measured reflectance to a few lobes, and back.
 
-Nishino & Lombardi (JOSA A 28(1), 2011) describe each slice of a measured isotropic BRDF as a sum of hemi-EPD lobes,
-`expm1(kappa cos(theta_h)^gamma)`. The way of the data is: `read` or `material` gives a measured table, `fit` a model,
-the model's `eval`, `sample`, `lobe` and `save` its use.
+A measured isotropic BRDF becomes a sum of lobes of the half angle, after Nishino & Lombardi (JOSA A 28(1), 2011), with
+shapes shared by the channels and smooth over the difference angle (`Lobes` has the formula). The way of the data is: `read`
+or `material` gives a measured table or `Samples`, `fit` a model and how good it is, the model's `eval`, `sample`, `lobe` and
+`save` its use. `dsbrdf.paper` holds the paper's own experiment.
 """
 
 from importlib import import_module
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome, fit_many
-    from dsbrdf.fitting.fit_splines import fit_curves
+    from dsbrdf.fitting import ConvergenceWarning, Fit, FitOptions, fit
     from dsbrdf.geometry import half_diff
     from dsbrdf.measured import (
         MeasuredBRDF,
@@ -27,29 +28,24 @@ if TYPE_CHECKING:
     from dsbrdf.model.check import CheckReport, check_model
     from dsbrdf.model.dsbrdf import DSBRDF
     from dsbrdf.model.file import ModelFormatError, load
-    from dsbrdf.paper.collapse import SliceProfile, slice_profiles
-    from dsbrdf.paper.curves import CurveBasis, Curves
-    from dsbrdf.paper.fit_measured import ConvergenceWarning, Fit, FitStatus, fit
+    from dsbrdf.model.lobes import Lobes
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "DSBRDF",
     "CheckReport",
     "ConvergenceWarning",
-    "CurveBasis",
-    "Curves",
+    "DSBRDF",
     "Fit",
-    "FitStatus",
+    "FitOptions",
+    "Lobes",
     "MeasuredBRDF",
     "MerlFormatError",
     "ModelFormatError",
     "Outcome",
     "Samples",
-    "SliceProfile",
     "check_model",
     "fit",
-    "fit_curves",
     "fit_many",
     "half_diff",
     "hemi_epd",
@@ -58,7 +54,6 @@ __all__ = [
     "read",
     "read_merl",
     "read_samples",
-    "slice_profiles",
     "tabulate",
     "write_merl",
 ]
@@ -66,28 +61,24 @@ __all__ = [
 #: Module of each name, imported when the name is first used, so that `import dsbrdf` and help come at once.
 _OWNERS = {
     "CheckReport": "dsbrdf.model.check",
-    "ConvergenceWarning": "dsbrdf.paper.fit_measured",
-    "CurveBasis": "dsbrdf.paper.curves",
-    "Curves": "dsbrdf.paper.curves",
+    "ConvergenceWarning": "dsbrdf.fitting",
     "DSBRDF": "dsbrdf.model.dsbrdf",
-    "Fit": "dsbrdf.paper.fit_measured",
-    "FitStatus": "dsbrdf.paper.fit_measured",
+    "Fit": "dsbrdf.fitting",
+    "FitOptions": "dsbrdf.fitting",
+    "Lobes": "dsbrdf.model.lobes",
     "MeasuredBRDF": "dsbrdf.measured",
     "MerlFormatError": "dsbrdf.measured",
     "ModelFormatError": "dsbrdf.model.file",
     "Outcome": "dsbrdf.batch",
     "Samples": "dsbrdf.measured",
-    "SliceProfile": "dsbrdf.paper.collapse",
     "check_model": "dsbrdf.model.check",
-    "fit": "dsbrdf.paper.fit_measured",
-    "fit_curves": "dsbrdf.fitting.fit_splines",
+    "fit": "dsbrdf.fitting",
     "fit_many": "dsbrdf.batch",
     "load": "dsbrdf.model.file",
     "material": "dsbrdf.measured.built_in",
     "read": "dsbrdf.measured.read",
     "read_merl": "dsbrdf.measured",
     "read_samples": "dsbrdf.measured",
-    "slice_profiles": "dsbrdf.paper.collapse",
     "tabulate": "dsbrdf.measured",
     "write_merl": "dsbrdf.measured",
 }

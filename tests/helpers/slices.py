@@ -64,7 +64,9 @@ def twin_eval(model, wi, wo):
     azimuth = np.divide(along2 - turn2, root, out=np.zeros_like(root), where=root > 0.0)
     theta_d = np.arctan2(np.sqrt(d2), np.sqrt(s2))
 
-    low = np.clip(np.searchsorted(model.theta_d, theta_d, side="right") - 1, 0, max(len(model.theta_d) - 2, 0))
+    low = np.clip(
+        np.searchsorted(model.theta_d, theta_d, side="right") - 1, 0, max(len(model.theta_d) - 2, 0)
+    )
     high = np.minimum(low + 1, len(model.theta_d) - 1)
     step = np.where(high > low, model.theta_d[high] - model.theta_d[low], 1.0)
     weight = np.clip((theta_d - model.theta_d[low]) / step, 0.0, 1.0)[..., None]

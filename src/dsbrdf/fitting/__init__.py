@@ -1,6 +1,11 @@
-"""Fits of the model to measurements, how certain they are, and reports of them.
+"""The fit of the model to measurements, how good and how certain it is.
 
-Scattered samples are gathered to slices in `scattered` and fitted in `fit_scattered`; `fit_splines` fits curves over
-theta_d, with the minimiser in `_minimise`. `uncertainty` gives standard errors of what was fitted, and `report` prints
-tables of fits and models. Read them in this order.
+`options` says what can be asked for. `observations` turns a table or samples into what is fitted, `estimator` finds lobes
+(the work is the kernel's), `metrics` measures errors over the whole hemisphere, `coverage` says which angles were measured,
+and `uncertainty` how certain the result is. `fit` puts these together. Read them in this order.
 """
+
+from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
+from dsbrdf.fitting.options import FitOptions
+
+__all__ = ["ConvergenceWarning", "Fit", "FitOptions", "fit"]

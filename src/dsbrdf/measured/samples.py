@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,6 +19,8 @@ __all__ = ["SKIPPED", "Samples", "samples_from_columns"]
 
 #: Name of a column to leave out.
 SKIPPED = "-"
+#: Relative standard deviation below which samples count alike.
+LEAST_ERROR = 0.02
 #: A component printed with three digits is this far off; the vectors are made unit again.
 _PRINTED = 2e-3
 _ANGLE = re.compile(r"(theta_i|phi_i|theta_o|phi_o|theta_h|theta_d|phi_d)[ _\[(]*(deg|rad)?[\])]*")
@@ -35,13 +37,15 @@ class Samples:
 
     Parameters
     ----------
-    name : str
     wi, wo : (n, 3) array_like
         Unit vectors toward the light and the viewer, normal +z; none below the horizon.
     values : (n, channel) array_like
-        In 1/sr. Negative and infinite ones become NaN: invalid.
+        In 1/sr. Infinite ones become NaN: invalid; and so do negative ones, unless `weights` are given.
+    name : str, optional
     weights : (n,) array_like, optional
-        How much each sample counts, 1 / variance where a standard deviation is known; alike by default.
+        How much the relative error of each sample counts; alike by default.
+    channels : sequence of str, optional
+        Names of the channels; r, g, b for three by default.
     source : Source, optional
 
     Raises
@@ -51,11 +55,13 @@ class Samples:
         weight is negative or not finite.
     """
 
-    name: str
     wi: Array
     wo: Array
     values: Array
+    _: KW_ONLY
+    name: str = ""
     weights: Array | None = None
+    channels: Sequence[str] = ()
     source: Source = field(default_factory=Source)
 
     def __post_init__(self) -> None:
@@ -64,7 +70,8 @@ class Samples:
             raise ValueError(
                 f"'values' must have shape (n, channel) with a sample at least, got {values.shape}."
             )
-        values[~((values >= 0.0) & (values < np.inf))] = np.nan
+        least = 0.0 if self.weights is None else -np.inf
+        values[~((values >= least) & np.isfinite(values))] = np.nan
         object.__setattr__(self, "values", values)
         for name in ("wi", "wo"):
             vectors = _check.unit_vectors(getattr(self, name), name)
@@ -123,13 +130,14 @@ def samples_from_columns(columns: Mapping[str, Any], name: str, source: Source |
     """
     source = source or Source()
     try:
-        return Samples(name, *_parts(columns), source=source)
+        wi, wo, values, weights, channels = _parts(columns)
+        return Samples(wi, wo, values, name=name, weights=weights, channels=channels, source=source)
     except ValueError as error:
         raise ValueError(f"{source.file or name}: {error}") from None
 
 
-def _parts(columns: Mapping[str, Any]) -> tuple[Array, Array, Array, Array | None]:
-    """Directions, values and weights from named columns."""
+def _parts(columns: Mapping[str, Any]) -> tuple[Array, Array, Array, Array | None, tuple[str, ...]]:
+    """Directions, values, weights and names of channels from named columns."""
     rest = {key.strip().strip("\"'").lower(): value for key, value in columns.items()}
     angles: dict[str, Array] = {}
     for key in list(rest):
@@ -148,15 +156,22 @@ def _parts(columns: Mapping[str, Any]) -> tuple[Array, Array, Array, Array | Non
         raise ValueError(f"expected columns {_DIRECTIONS}; got {_listed(columns)}.")
 
     weights = rest.pop("weight", None)
+    std = None
     if "std" in rest:
         if weights is not None:
             raise ValueError("expected a column weight or std, got both. Leave one out as '-'.")
-        weights = _check.finite(rest.pop("std"), "std", low=0.0, open_low=True) ** -2.0
-    channels = [value for key, value in rest.items() if key != SKIPPED]
+        std = _check.finite(rest.pop("std"), "std", low=0.0, open_low=True)
+    channels = {key: value for key, value in rest.items() if key != SKIPPED}
     if not channels:
         raise ValueError(f"expected a column of values beside the directions; got {_listed(columns)}.")
-    values = np.stack([np.asarray(value, float) for value in channels], axis=-1)
-    return wi, wo, values, weights
+    values = np.stack([np.asarray(value, float) for value in channels.values()], axis=-1)
+    if std is not None:
+        # Relative variance, and no sample is better than the model can be
+        bright = np.abs(np.nanmean(np.where(np.isfinite(values), values, np.nan), axis=1))
+        weights = (
+            1.0 / ((std / np.maximum(np.nan_to_num(bright), std)) ** 2 + LEAST_ERROR**2) * LEAST_ERROR**2
+        )
+    return wi, wo, values, weights, tuple(channels)
 
 
 def _listed(columns: Mapping[str, Any]) -> str:

@@ -35,6 +35,8 @@ class MeasuredBRDF:
     convention : {"centre", "edge"}
         Which point of its cell a value belongs to.
     source : Source
+    channels : sequence of str, optional
+        Names of the channels; r, g, b for three by default.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class MeasuredBRDF:
     phi_d: NDArray[np.float64]
     convention: str = "centre"
     source: Source = Source()  # noqa: RUF009
+    channels: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         # The kernel reads bytes: another type or order is copied here, a mapped file is not

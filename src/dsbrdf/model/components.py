@@ -19,6 +19,7 @@ SPIKE_WIDTH = float(np.deg2rad(1.5))
 OBLIQUE = float(np.deg2rad(45.0))
 N_HALVINGS = 80
 
+
 @dataclass(frozen=True, eq=False)
 class Component:
     """One lobe of a model.
@@ -94,7 +95,9 @@ def half_width(kappa: ArrayLike, gamma: ArrayLike, falloff: ArrayLike = 0.0) -> 
     -------
     (...) ndarray
     """
-    kappa, gamma, falloff = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (kappa, gamma, falloff)))
+    kappa, gamma, falloff = np.broadcast_arrays(
+        *(np.asarray(x, dtype=float) for x in (kappa, gamma, falloff))
+    )
     # In y = -ln cos(theta_h), found by halving: the logarithm of the lobe falls from its height, or rises above it
     ln_height = _ln_expm1(kappa)
     low, high = np.zeros(kappa.shape), np.full(kappa.shape, 40.0)

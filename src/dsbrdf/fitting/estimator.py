@@ -1,0 +1,237 @@
+"""The estimator: lobes grown one by one on a part of the observations, chosen, and brought to the end on all of them.
+
+The work is done in the kernel (`crates/dsbrdf-core`: estimator, growth). What is minimised is `Estimate.objective`, twice
+the negative logarithm of the posterior with the noise integrated out: `n ln(S) + penalty`, with S the weighted mean of
+squared residuals and n the independent observations that the data are worth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _core
+from dsbrdf.fitting.observations import Observations
+from dsbrdf.fitting.options import AUTO, FitOptions
+from dsbrdf.model.lobes import Lobes
+
+__all__ = ["Estimate", "Gaussian", "Sizes", "estimate", "lobes_of", "unknowns_of"]
+
+Array = NDArray[np.float64]
+
+#: Most lobes that the choice goes up to.
+MAX_CHOSEN = 6
+#: Positions that lobes are grown on.
+N_GROWTH = 1500
+TOLERANCE = 1e-3
+#: Inverse squares of what is usual of second and first differences of coefficients, and of colours, beta and falloff.
+PENALTY = (0.25, 0.05, 0.02)
+#: More channels than this are grown as so many means of neighbours.
+MAX_GROWN_CHANNELS = 3
+
+
+class Sizes(NamedTuple):
+    """Coefficients of the curves of a lobe."""
+
+    scale: int
+    gamma: int
+    beta: int
+    falloff: int
+    colour: int
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """A Gaussian prior of the unknowns of some lobes.
+
+    Parameters
+    ----------
+    sizes : Sizes
+    n_lobes : int
+    mean : (unknown,) ndarray
+        In the order of `unknowns_of`.
+    precision : (unknown, unknown) ndarray
+        Inverse of the covariance.
+    channels : tuple of str, optional
+    """
+
+    sizes: Sizes
+    n_lobes: int
+    mean: Array
+    precision: Array
+    channels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What the kernel takes."""
+
+    sizes: tuple[int, ...]
+    loss: str
+    offset: list[float]
+    penalty: tuple[float, float, float]
+    n_effective: float
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Lobes that were found.
+
+    Parameters
+    ----------
+    lobes : Lobes
+    objective : float
+        What was minimised; it never rises with one lobe more.
+    squares : float
+        Weighted mean of squared residuals.
+    criteria : (n_lobes,) ndarray
+        What chose the number of lobes, for 1, 2, ... lobes; lower is better. Empty if it was given.
+    iterations : int
+    converged : bool
+    options : object
+        Of the kernel.
+    prior : Gaussian or None
+    """
+
+    lobes: Lobes
+    objective: float
+    squares: float
+    criteria: Array
+    iterations: int
+    converged: bool
+    options: _Options
+    prior: Gaussian | None = None
+
+
+def unknowns_of(lobes: Lobes) -> Array:
+    """Unknowns (unknown,) of the estimator: shared curves of each lobe, then each channel's colours, lobe by lobe."""
+    shared = np.concatenate([lobes.scale, lobes.gamma, lobes.beta, lobes.falloff], axis=1)
+    colour = lobes.colour.ravel() if lobes.n_channels > 1 else np.empty(0)
+    return np.concatenate([shared.ravel(), colour])
+
+
+def lobes_of(x: Array, sizes: tuple[int, ...], n_lobes: int, n_channels: int) -> Lobes:
+    """Lobes of unknowns, from flat to sharp; the colours of a lobe add up to zero."""
+    *shared_sizes, n_colour = sizes
+    n_shared = n_lobes * sum(shared_sizes)
+    shared = np.split(x[:n_shared].reshape(n_lobes, -1), np.cumsum(shared_sizes)[:-1], axis=1)
+    scale, gamma, beta, falloff = (part.copy() for part in shared)
+    colour = np.zeros((n_channels, n_lobes, n_colour))
+    if n_channels > 1:
+        colour = x[n_shared:].reshape(n_channels, n_lobes, n_colour)
+        mean = colour.mean(0)
+        colour = colour - mean
+        scale += _as_size(mean, scale.shape[1])
+    order = np.argsort(gamma.mean(1), kind="stable")
+    return Lobes(scale[order], gamma[order], beta[order], falloff[order], colour[:, order])
+
+
+def _as_size(coefficients: Array, size: int) -> Array:
+    """Constants, lines and parabolas (curve, coefficient) as curves of `size` coefficients, exactly."""
+    from dsbrdf.model.lobes import curve_design
+
+    if coefficients.shape[1] == size:
+        return coefficients
+    x = np.linspace(0.0, 1.0, 4 * size + 1)
+    values = curve_design(x, coefficients.shape[1]) @ coefficients.T
+    refined: Array = np.linalg.lstsq(curve_design(x, size), values)[0].T
+    return refined
+
+
+def estimate(observations: Observations, options: FitOptions, prior: Gaussian | None = None) -> Estimate:
+    """Find lobes.
+
+    Parameters
+    ----------
+    observations : Observations
+    options : FitOptions
+    prior : Gaussian, optional
+        Of as many channels; it decides on the lobes and their curves.
+    """
+    if prior is not None:
+        return _with_prior(observations, options, prior)
+    how = _Options(
+        options.sizes, options.loss, observations.offset.tolist(), PENALTY, observations.n_effective
+    )
+    most = MAX_CHOSEN if options.n_lobes == AUTO else int(options.n_lobes)
+    path = _grown(observations, how, most)
+    criteria = np.empty(0)
+    chosen = path[-1]
+    if options.n_lobes == AUTO:
+        criteria = np.array([_criterion(observations, how, found) for found in path])
+        chosen = path[int(criteria.argmin())]
+    end = observations.kernel.refine(
+        how, chosen["n_lobes"], chosen["x"].tolist(), iterations=options.max_iterations, tolerance=TOLERANCE
+    )
+    lobes = lobes_of(end["x"], how.sizes, end["n_lobes"], observations.n_channels)
+    spent = chosen["iterations"] + end["iterations"]
+    return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)
+
+
+def _grown(observations: Observations, how: _Options, most: int) -> list[_core._Solution]:
+    """Fits with 1 to `most` lobes on a part of the observations."""
+    n_channels = observations.n_channels
+    if n_channels <= MAX_GROWN_CHANNELS:
+        return observations.kernel.thinned(N_GROWTH).grow(how, most)
+    groups = np.arange(n_channels) * MAX_GROWN_CHANNELS // n_channels
+    few = _grouped(observations, groups)
+    few_how = _Options(how.sizes, how.loss, few.offset.tolist(), how.penalty, how.n_effective)
+    path = few.kernel.thinned(N_GROWTH).grow(few_how, most)
+    for found in path:
+        n_shared = found["n_lobes"] * sum(how.sizes[:-1])
+        colour = found["x"][n_shared:].reshape(MAX_GROWN_CHANNELS, -1)[groups]
+        found["x"] = np.concatenate([found["x"][:n_shared], colour.ravel()])
+    return path
+
+
+def _grouped(observations: Observations, groups: NDArray[np.int_]) -> Observations:
+    """Observations of means over channels (channel,) of the same group."""
+    values, weights = [], []
+    for group in range(groups.max() + 1):
+        weight = observations.weights[..., groups == group]
+        total = weight.sum(-1)
+        of_group = (weight * observations.values[..., groups == group]).sum(-1)
+        values.append(np.divide(of_group, total, out=np.zeros_like(total), where=total > 0.0))
+        weights.append(total)
+    return Observations(
+        observations.log_cos,
+        observations.x,
+        observations.azimuth,
+        np.stack(values, axis=-1),
+        np.stack(weights, axis=-1),
+        observations.n_effective,
+    )
+
+
+def _criterion(observations: Observations, how: _Options, found: _core._Solution) -> float:
+    """Bayesian information criterion of a fit; the colour of the first channel is part of the scale."""
+    *shared, colour = how.sizes
+    numbers = found["n_lobes"] * (
+        sum(shared) + (min(observations.n_channels, MAX_GROWN_CHANNELS) - 1) * colour
+    )
+    return found["objective"] + numbers * float(np.log(max(observations.n_effective, 2.0)))
+
+
+def _with_prior(observations: Observations, options: FitOptions, prior: Gaussian) -> Estimate:
+    how = _Options(
+        tuple(prior.sizes),
+        options.loss,
+        observations.offset.tolist(),
+        (0.0, 0.0, 0.0),
+        observations.n_effective,
+    )
+    end = observations.kernel.refine(
+        how,
+        prior.n_lobes,
+        prior.mean.tolist(),
+        iterations=options.max_iterations,
+        tolerance=TOLERANCE,
+        prior=(prior.mean.tolist(), prior.precision.ravel().tolist()),
+    )
+    lobes = lobes_of(end["x"], how.sizes, prior.n_lobes, observations.n_channels)
+    return Estimate(
+        lobes, end["objective"], end["squares"], np.empty(0), end["iterations"], end["converged"], how, prior
+    )

@@ -1,0 +1,238 @@
+"""`fit`: measured reflectance to a model, for tables and scattered samples alike."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dsbrdf.fitting import estimator, metrics, uncertainty
+from dsbrdf.fitting.coverage import Coverage
+from dsbrdf.fitting.observations import Observations
+from dsbrdf.fitting.options import FitOptions
+from dsbrdf.measured.profile import MeasuredProfile
+from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.model.dsbrdf import DSBRDF, channel_names
+
+if TYPE_CHECKING:
+    from dsbrdf.space import MaterialSpace
+
+__all__ = ["ConvergenceWarning", "Fit", "fit"]
+
+Array = NDArray[np.float64]
+
+#: Rows of theta_d of a table that are kept for plots.
+N_PROFILE = 18
+#: Angles, degrees, of standard errors.
+ERROR_ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+
+
+class ConvergenceWarning(UserWarning):
+    """A fit ran out of iterations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model, how good it is and how it came about.
+
+    Parameters
+    ----------
+    model : DSBRDF
+    measured : MeasuredBRDF or Samples
+    options : FitOptions
+    estimate : Estimate
+        What the estimator found.
+    observations : Observations
+        What it was given.
+    errors : FitErrors
+        Over all that was measured, the whole hemisphere.
+    seconds : float
+        Time of the fit and its choices.
+    """
+
+    model: DSBRDF
+    measured: MeasuredBRDF | Samples = field(repr=False)
+    options: FitOptions = field(repr=False)
+    estimate: estimator.Estimate = field(repr=False)
+    observations: Observations = field(repr=False)
+    errors: metrics.FitErrors
+    seconds: float
+
+    @property
+    def objective(self) -> float:
+        """What was minimised, twice the negative logarithm of the posterior; it never rises with one lobe more."""
+        return self.estimate.objective
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search ended before its last iteration."""
+        return self.estimate.converged
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """Which angles the measurement covers."""
+        return Coverage.of(self.observations)
+
+    @cached_property
+    def posterior(self) -> uncertainty.Posterior:
+        """Covariance of the unknowns; see `dsbrdf.fitting.uncertainty`."""
+        return uncertainty.posterior(self.observations, self.estimate)
+
+    def standard_errors(self, theta_d: ArrayLike | None = None) -> uncertainty.StandardErrors:
+        """Standard errors of the curves at angles (theta_d,) in radians, every 15 degrees by default.
+
+        Raises
+        ------
+        ValueError
+            If an angle is out of range.
+        """
+        return self.posterior.standard_errors(np.deg2rad(ERROR_ANGLES) if theta_d is None else theta_d)
+
+    def std(self, wi: ArrayLike, wo: ArrayLike) -> Array:
+        """Standard deviations (..., channel) in 1/sr of values at pairs of directions (..., 3)."""
+        return np.asarray(self.model.eval(wi, wo)) * self.posterior.deviation(wi, wo)
+
+    def band(self, wi: ArrayLike, wo: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+        """Lower and upper bounds (..., channel) in 1/sr that hold values with this probability.
+
+        Raises
+        ------
+        ValueError
+            If `level` is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
+        return uncertainty.band(np.asarray(self.model.eval(wi, wo)), self.posterior.deviation(wi, wo), level)
+
+    def summary(self) -> dict[str, Any]:
+        """Numbers that tell how good the fit is, ready for JSON."""
+        return {
+            "name": self.model.name,
+            "n_lobes": self.model.n_lobes,
+            "n_parameters": self.model.n_parameters,
+            "channels": list(self.model.channels),
+            **self.errors.summary(),
+            "converged": self.converged,
+            "coverage": self.coverage.sentence,
+            "seconds": self.seconds,
+        }
+
+    def __repr__(self) -> str:
+        return (
+            f"Fit({self.model!r},\n    {self.errors},\n    {self.coverage.sentence or 'all angles covered'},\n"
+            f"    {self.seconds:.2f} s)"
+        )
+
+
+def fit(
+    measured: MeasuredBRDF | Samples,
+    n_lobes: int | str = "auto",
+    *,
+    loss: str = "log",
+    curves: str = "standard",
+    prior: MaterialSpace | estimator.Gaussian | None = None,
+    max_iterations: int = 60,
+) -> Fit:
+    """Fit a model to a measured reflectance.
+
+    Parameters
+    ----------
+    measured : MeasuredBRDF or Samples
+        All valid values are fitted.
+    n_lobes : int or "auto", optional
+        As few as the data call for, by default, by the Bayesian information criterion (decision record 0016).
+    loss : {"log", "gamma", "l2"}, optional
+        See `FitOptions`.
+    curves : {"standard", "compact"}, optional
+        How many coefficients the curves over theta_d have; "compact" is at most 60 numbers for three channels.
+    prior : MaterialSpace or Gaussian, optional
+        What materials are like, for few samples; it decides on the lobes and their curves.
+    max_iterations : int, optional
+        Of the last search.
+
+    Returns
+    -------
+    Fit
+        `model`, `errors` over the whole hemisphere, `standard_errors()`, `band(wi, wo)`, and how it came about.
+
+    Raises
+    ------
+    TypeError
+        If `measured` is neither a table nor samples.
+    ValueError
+        If an option is out of range, no value is valid, or the prior has other channels.
+
+    Warns
+    -----
+    ConvergenceWarning
+        If the search ran out of iterations.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> found = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+    >>> found.model.n_lobes
+    2
+    """
+    if not isinstance(measured, MeasuredBRDF | Samples):
+        raise TypeError(
+            f"'measured' must be a MeasuredBRDF or Samples, got {type(measured).__name__}. "
+            "dsbrdf.read(path) reads a file; dsbrdf.Samples(wi, wo, values) holds arrays."
+        )
+    options = FitOptions(n_lobes, loss, curves, max_iterations)
+    start = time.perf_counter()
+    observations = Observations.of(measured)
+    found = estimator.estimate(observations, options, _gaussian(prior, observations))
+    seconds = time.perf_counter() - start
+    if not found.converged:
+        warnings.warn(
+            f"{measured.name or 'the fit'}: the search ended after {options.max_iterations} iterations and may not be "
+            "at a minimum. Allow more with 'max_iterations', or fit fewer lobes.",
+            ConvergenceWarning,
+            stacklevel=2,
+        )
+    model = DSBRDF(
+        found.lobes,
+        channel_names(measured.channels, observations.n_channels),
+        name=measured.name,
+        source=measured.source,
+        fit_options=dataclasses.asdict(options) | {"prior": prior is not None},
+        profile=_profile(measured),
+    )
+    errors = metrics.errors(model, measured)
+    model = model.replace(errors=errors.summary())
+    return Fit(model, measured, options, found, observations, errors, seconds)
+
+
+def _gaussian(prior: Any, observations: Observations) -> estimator.Gaussian | None:
+    if prior is None:
+        return None
+    gaussian: estimator.Gaussian = prior if isinstance(prior, estimator.Gaussian) else prior.gaussian()
+    sizes = estimator.Sizes(*gaussian.sizes)
+    *shared, colour = sizes
+    n_channels = observations.n_channels
+    need = gaussian.n_lobes * (sum(shared) + (n_channels * colour if n_channels > 1 else 0))
+    if len(gaussian.mean) != need:
+        raise ValueError(
+            f"a measurement of {n_channels} channels does not go with this prior of {len(gaussian.mean)} unknowns. "
+            "Build a space of models with the same channels."
+        )
+    return gaussian
+
+
+def _profile(measured: MeasuredBRDF | Samples) -> MeasuredProfile | None:
+    """Every few rows of a table, for plots."""
+    if isinstance(measured, Samples):
+        return None
+    n = len(measured.theta_d)
+    rows = np.unique(np.arange(min(N_PROFILE, n)) * n // min(N_PROFILE, n))
+    moments = measured.moments(rows)
+    theta_h = np.broadcast_to(measured.theta_h, (len(rows), len(measured.theta_h)))
+    return MeasuredProfile.of(measured.theta_d[rows], theta_h, moments)

@@ -1,0 +1,199 @@
+"""`Observations`: what is fitted, the same for tables and for scattered samples.
+
+A position is a pair (theta_h, theta_d) with a few azimuths. A sample is a position with one. A cell of a table is one
+with two: two values at two azimuths have the same count, means, variance and covariance over phi_d as all of its
+entries, and so the same least squares.
+
+How much a residual of the logarithm counts makes the fit good in three figures of merit at once. In ln f the squares of
+the logarithm itself, of the cube root of `f cos_i cos_o`, and of f are weighted by solid angle, by that times
+`(f cos_i cos_o)^(2/3)`, and by that times f^2; the weight is 1 : 3 : 1 times these, each made to add up to one
+(decision record 0015).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _core
+from dsbrdf.geometry import half_diff
+from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.table import MeasuredBRDF
+
+__all__ = ["Observations", "cell_area"]
+
+Array = NDArray[np.float64]
+
+#: Shares of the logarithm, of the cube root and of the value itself in the weight of a residual.
+SHARES = (1.0, 2.0, 2.0, 0.5)
+#: The offset of the logarithm is this times the median value, or as much as the most negative values if that is more.
+OFFSET = 0.01
+NEGATIVE_QUANTILE = 0.05
+#: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
+LEAST_ANGLE = float(np.deg2rad(2.0))
+#: Two values that stand for a row over phi_d stay within this of its mean.
+MAX_SWING = 0.9
+#: Squares of misfit of a table are worth so many independent ones: those of neighbouring cells are alike (record 0016).
+EFFECTIVE = 2000.0
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Values at positions, a few azimuths each.
+
+    Parameters
+    ----------
+    log_cos : (position,) ndarray
+        `ln cos(theta_h)`.
+    x : (position,) ndarray
+        `cos(theta_d)`.
+    azimuth : (position, node) ndarray
+        Azimuthal factor times `cos(2 phi_d)`.
+    values : (position, node, channel) ndarray, 1/sr
+    weights : (position, node, channel) ndarray
+        Zero where there is no value.
+    n_effective : float
+        Independent observations that all this is worth.
+    """
+
+    log_cos: Array
+    x: Array
+    azimuth: Array
+    values: Array
+    weights: Array
+    n_effective: float
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels."""
+        return int(self.values.shape[2])
+
+    @cached_property
+    def offset(self) -> Array:
+        """Offset (channel,) of the logarithm, 1/sr."""
+        offset = np.empty(self.n_channels)
+        for channel in range(self.n_channels):
+            some = self.values[..., channel][self.weights[..., channel] > 0.0]
+            noise = -np.quantile(some, NEGATIVE_QUANTILE) if some.size else 0.0
+            offset[channel] = max(OFFSET * np.median(np.abs(some)), noise) if some.size else 1.0
+        least = offset[offset > 0.0].min(initial=np.inf)
+        return np.where(offset > 0.0, offset, least if np.isfinite(least) else 1.0)
+
+    @cached_property
+    def kernel(self) -> _core.Observations:
+        """The same in the kernel."""
+        arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
+        return _core.Observations(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
+
+    @classmethod
+    def of(cls, measured: MeasuredBRDF | Samples) -> Observations:
+        """Those of a table or of samples.
+
+        Raises
+        ------
+        ValueError
+            If no value is valid.
+        """
+        found = _of_samples(measured) if isinstance(measured, Samples) else _of_table(measured)
+        if not (found.weights > 0.0).any():
+            raise ValueError(
+                f"{measured.name or 'the measurement'}: no value is valid. Check that it holds positive values in 1/sr."
+            )
+        return found
+
+
+def cell_area(theta_h: Array, theta_d: Array) -> Array:
+    """Solid angles (theta_d, theta_h) of pairs of directions in a cell of a table, up to a constant.
+
+    `d wi d wo = 4 cos(theta_d) d omega_h d omega_d`; cells end half-way between their angles.
+    """
+    edges = [np.concatenate([[0.0], 0.5 * (t[1:] + t[:-1]), [np.pi / 2]]) for t in (theta_h, theta_d)]
+    of_half = -np.diff(np.cos(edges[0]))
+    # The integral of cos sin
+    of_difference = 0.5 * np.diff(np.sin(edges[1]) ** 2)
+    area: Array = of_difference[:, None] * of_half
+    return area
+
+
+def _of_table(measured: MeasuredBRDF) -> Observations:
+    theta_h, theta_d = measured.theta_h, measured.theta_d
+    moments = measured.moments(range(len(theta_d)))  # (theta_d, channel, theta_h, moment)
+    n, f, _, c, cc, fc = np.moveaxis(moments, -1, 0)
+    some = n > 0.0
+    count = np.maximum(n, 1.0)
+    mean, mean_c = f / count, c / count
+    var_c = np.maximum(cc / count - mean_c**2, 0.0)
+    slope = np.divide(fc / count - mean * mean_c, var_c, out=np.zeros_like(var_c), where=var_c > 1e-12)
+
+    # The same two azimuths for all channels
+    total = np.maximum(n.sum(1), 1.0)
+    middle = c.sum(1) / total
+    spread = np.sqrt(np.maximum(cc.sum(1) / total - middle**2, 0.0))
+    nodes = np.stack([middle - spread, middle + spread], axis=-1)
+    swing = slope[..., None] * (nodes[:, None] - mean_c[..., None])
+    most = MAX_SWING * np.abs(mean)[..., None]
+    values = mean[..., None] + np.clip(swing, -most, most)
+
+    cos_product = _cos_product(theta_h, theta_d[:, None], middle)[:, None]
+    area = cell_area(theta_h, theta_d)[:, None] * n
+    by_angle = area / np.sin(np.maximum(theta_d, LEAST_ANGLE))[:, None, None]
+    weights = np.where(some, _weights(area, by_angle, mean, cos_product, axes=(0, 2)), 0.0)
+    h, d = (grid.ravel() for grid in np.broadcast_arrays(theta_h, theta_d[:, None]))
+    factor = half_diff.azimuthal_factor(theta_h, theta_d[:, None])
+    by_position = (0, 2, 3, 1)
+    shape = (h.size, 2, n.shape[1])
+    return Observations(
+        half_diff.log_cos(h),
+        np.cos(d),
+        (factor[..., None] * nodes).reshape(h.size, 2),
+        values.transpose(by_position).reshape(shape),
+        np.repeat(weights[..., None], 2, axis=-1).transpose(by_position).reshape(shape),
+        min(EFFECTIVE, float((some.any(1)).sum())),
+    )
+
+
+def _of_samples(samples: Samples) -> Observations:
+    theta_h, theta_d, phi_d = half_diff.from_directions(samples.wi, samples.wo)
+    valid = np.isfinite(samples.values)
+    values = np.where(valid, samples.values, 0.0)
+    area = np.ones(len(samples)) if samples.weights is None else samples.weights
+    cos_product = np.maximum(samples.wi[:, 2] * samples.wo[:, 2], 0.0)
+    area = area[:, None] * valid
+    weights = _weights(area, area, values, cos_product[:, None], axes=(0,))
+    n = float((area > 0.0).any(1).sum())
+    azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
+    return Observations(
+        half_diff.log_cos(theta_h),
+        np.cos(theta_d),
+        azimuth[:, None],
+        values[:, None],
+        np.where(valid, weights, 0.0)[:, None],
+        max(min(EFFECTIVE, n), 1.0),
+    )
+
+
+def _cos_product(theta_h: Array, theta_d: Array, cos_2phi: Array) -> Array:
+    """`cos(theta_i) cos(theta_o)`, not below 0."""
+    upright = np.cos(theta_h) * np.cos(theta_d)
+    tilt = np.sin(theta_h) * np.sin(theta_d)
+    product: Array = np.maximum(upright**2 - tilt**2 * 0.5 * (1.0 + cos_2phi), 0.0)
+    return product
+
+
+def _weights(area: Array, by_angle: Array, values: Array, cos_product: Any, axes: tuple[int, ...]) -> Array:
+    """Weights of residuals of the logarithm; each channel counts alike, as far as it has values."""
+    bright = np.maximum(values, 0.0)
+    total = np.zeros(values.shape)
+    measures = (
+        area,
+        area * np.cbrt(bright * cos_product) ** 2,
+        by_angle * bright * cos_product,
+        area * bright**2,
+    )
+    for share, part in zip(SHARES, measures, strict=True):
+        total += share * part / np.maximum(part.sum(axes, keepdims=True), 1e-300)
+    return total
