@@ -19,7 +19,7 @@ pub const LN_GAMMA: (f64, f64) = (-6.0, 14.0);
 /// Greatest `ln kappa` of a colour, either way.
 pub const MAX_COLOUR: f64 = 20.0;
 /// Greatest beta, either way.
-pub const MAX_BETA: f64 = 4.0;
+pub const MAX_BETA: f64 = 2.0;
 /// Least and greatest falloff; a lobe's energy is finite above -1.
 pub const FALLOFF_RANGE: (f64, f64) = (-0.9, 20.0);
 /// The range of x is cut into so many bins, less where that leaves fewer positions a bin than pay for vector

@@ -1,6 +1,6 @@
 //! What is fitted: values at positions (theta_h, theta_d), a few azimuths at each.
 //!
-//! A scattered sample is a position with one azimuth. A cell of a table is one with two: two values at two azimuths have
+//! A scattered sample is a position with one azimuth. A cell of a table is one with three: three values at three azimuths have
 //! the same count, means, variance and covariance over phi_d as all of its entries, and so the same least squares.
 
 /// Observations at `n` positions, `n_nodes` azimuths each, ascending in x.

@@ -17,11 +17,8 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome
-    from dsbrdf.cli._demo import DemoRow
     from dsbrdf.measured.databases import Database
     from dsbrdf.model.check import CheckReport
-    from dsbrdf.model.dsbrdf import DSBRDF
-    from dsbrdf.paper.selection import LobeSelection
     from dsbrdf.render.picture import Row
     from dsbrdf.space import MaterialSpace
 
@@ -29,9 +26,7 @@ __all__ = [
     "json_line",
     "print_check",
     "print_databases",
-    "print_demo",
     "print_fits",
-    "print_model",
     "print_nearest",
     "print_outcomes",
     "print_pictures",
@@ -41,12 +36,11 @@ __all__ = [
 ]
 
 #: What the columns of the tables of fits mean.
-FLOORS = (
-    "Errors are relative RMS in %. Floors, the least error possible: bivariate, of any function of "
-    "(theta_h, theta_d); monotone, of one that falls with theta_h; azimuthal, with a cos(2 phi_d) term added."
+ERRORS = (
+    "Errors over all that was measured, the whole hemisphere. rel: relative RMS over directions; cbrt: the same of the cube "
+    "root of f cos cos; log: RMS of the logarithm over entries; albedo: largest relative error at 5 to 75 degrees. Floor: "
+    "no function of (theta_h, theta_d) has a lower rel."
 )
-#: Incident angles in degrees at which albedos are told.
-ALBEDO_ANGLES = (0, 45, 75)
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160
 
@@ -68,9 +62,8 @@ def _percent(value: float) -> str:
     return f"{100.0 * value:.2f}" if math.isfinite(value) else "-"
 
 
-def _errors(numbers: Mapping[str, Any]) -> list[str]:
-    keys = ("rel_rms", "bivariate_floor", "monotone_floor", "azimuthal_floor")
-    return [_percent(numbers[key]) for key in keys]
+def _number(value: Any) -> str:
+    return f"{value:.3f}" if isinstance(value, int | float) and math.isfinite(value) else "-"
 
 
 def with_path(outcome: Outcome) -> dict[str, Any]:
@@ -88,124 +81,58 @@ def print_outcomes(outcomes: Sequence[Outcome], out: Path | None = None, *, is_b
         if kept := sum(outcome.kept for outcome in outcomes):
             written += f"; {kept} of {len(outcomes)} kept from an earlier run, --force fits them again"
     print_fits([outcome.summary for outcome in outcomes if outcome.summary is not None], written)
-    if not is_batch and outcomes and (selection := outcomes[0].selection) is not None:
+    if not is_batch and outcomes and (criteria := (outcomes[0].summary or {}).get("criteria")):
         _console().print()
-        _console().print(_selection(selection))
+        _console().print(_choice(criteria))
 
 
-#: What each criterion of the choice of lobes is.
-CRITERIA = {
-    "williams": "ln(divergence)",
-    "bic": "BIC",
-    "held-out": "held-out error",
-}
-
-
-def _selection(selection: LobeSelection) -> Table:
-    table = _table("lobes", CRITERIA[selection.criterion], "Williams", "critical", "verdict")
+def _choice(criteria: Sequence[float]) -> Table:
+    """Why there are so many lobes."""
+    table = _table("lobes", "BIC", "")
     table.columns[-1].justify = "left"
-    numbers = zip(selection.values, selection.statistic, selection.critical, strict=True)
-    for k, (value, statistic, critical) in enumerate(numbers, start=1):
-        tested = [f"{x:.2f}" if math.isfinite(x) else "-" for x in (statistic, critical)]
-        table.add_row(str(k), f"{value:.3f}", *tested, _verdict(selection, k, statistic > critical))
+    least = min(criteria)
+    for k, value in enumerate(criteria, start=1):
+        table.add_row(str(k), f"{value:.0f}", "chosen: lowest" if value == least else "")
     return table
-
-
-def _verdict(selection: LobeSelection, k: int, significant: bool) -> str:
-    if selection.criterion != "williams":
-        return "chosen: lowest" if k == selection.n_lobes else ""
-    if significant:
-        return f"loses against {selection.max_lobes}"
-    if k == selection.n_lobes:
-        lossless = "nothing less will do" if k == selection.max_lobes else "no significant loss"
-        return f"chosen: {lossless}"
-    return "more than needed" if k > selection.n_lobes else ""
 
 
 def print_fits(summaries: Sequence[Mapping[str, Any]], written: str = "") -> None:
     """Print a table of fits, one line a `Fit.summary`, and what was written."""
-    table = _table(
-        "material",
-        "lobes",
-        "error\n%",
-        "bivar.\nfloor",
-        "monot.\nfloor",
-        "azim.\nfloor",
-        "log\nrms",
-        "time\nms",
-    )
+    table = _table("material", "lobes", "numbers", *COLUMNS, "time\nms")
     for row in summaries:
-        rest = (f"{row['log_rms']:.3f}", f"{1e3 * row['seconds']:.0f}")
-        table.add_row(row["name"], str(row["n_lobes"]), *_errors(row), *rest)
-    _print_table(table, written, _remarks(summaries))
-
-
-#: From this bivariate floor on, a material is named as one that is more than a function of two angles.
-HIGH_FLOOR = 0.15
-
-
-def _remarks(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What a table of fits does not say: where floors are high, and how far samples tell."""
-    lines = []
-    for row in summaries:
-        floor, error = row["bivariate_floor"], row["rel_rms"]
-        if math.isfinite(floor) and floor >= HIGH_FLOOR:
-            # Below the bivariate floor only the azimuthal term leads
-            least = floor if error >= floor else row["azimuthal_floor"]
-            lines.append(
-                f"{row['name']}: high bivariate floor, {_percent(floor)} %: it depends on more than theta_h and "
-                f"theta_d. Of the {_percent(error)} % error, {100 * least / error:.0f} % no model of this kind can "
-                "remove."
-            )
-        if "samples" in row:
-            lines.append(_samples_remark(row))
-    return lines
-
-
-def _samples_remark(row: Mapping[str, Any]) -> str:
-    left = ", ".join(f"{count} {reason}" for reason, count in row["left_out"].items())
-    text = f"{row['name']}: {row['samples_used']} of {row['samples']} samples in {row['slices']} slices"
-    text += f" (left out: {left})" if left else ""
-    if row["slices_without_data"]:
-        text += f", {row['slices_without_data']} of them without a sample and filled from others"
-    held_out = row["held_out_log_rms"]
-    if math.isfinite(held_out):
-        text += (
-            f". Samples held out are missed by a factor of {math.exp(held_out):.2f} (log rms {held_out:.3f}); "
-            f"directions unlike those measured may be missed by more"
+        table.add_row(
+            row["name"],
+            str(row["n_lobes"]),
+            str(row["n_parameters"]),
+            *(_number(row.get(key)) for key in KEYS),
+            f"{1e3 * row['seconds']:.0f}",
         )
-    return f"{text}."
-
-
-def _print_table(table: Table, written: str, remarks: Sequence[str] = ()) -> None:
     console = _console()
     console.print(table)
     console.print()
-    console.print(FLOORS)
-    for remark in remarks:
+    console.print(ERRORS)
+    for remark in _remarks(summaries):
         console.print(remark)
     if written:
         console.print(f"Written: {written}", soft_wrap=True)
 
 
-def print_demo(rows: Sequence[DemoRow], written: str) -> None:
-    """Print a table of built-in materials, with albedos and the size of models against tables."""
-    table = _table(
-        "material", "lobes", "error\n%", "bivar.\nfloor", "monot.\nfloor", "azim.\nfloor",
-        "albedo\n0 deg", "time\nms", "numbers\nkB", "table/\nnumbers", gap=1,
-    )  # fmt: skip
-    for row in rows:
-        summary = row.fit.summary()
-        table.add_row(
-            summary["name"],
-            str(summary["n_lobes"]),
-            *_errors(summary),
-            f"{row.albedo:.3f}",
-            f"{1e3 * summary['seconds']:.0f}",
-            f"{row.model_bytes / 1e3:.1f}",
-            f"{row.table_bytes / row.model_bytes:,.0f}",
-        )
-    _print_table(table, written)
+#: Columns of errors, and their names in summaries.
+COLUMNS = ("rel", "cbrt", "log", "albedo", "floor")
+KEYS = ("rel", "cbrt", "log", "albedo", "bivariate_floor")
+
+
+def _remarks(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What a table of fits does not say: what is not covered, and which channels were read if they are not r, g, b."""
+    lines = []
+    for row in summaries:
+        channels = list(row.get("channels", ()))
+        if channels not in (["r", "g", "b"], []):
+            shown = ", ".join(channels[:8]) + (f", ... {len(channels)} in all" if len(channels) > 8 else "")
+            lines.append(f"{row['name']}: channels {shown}.")
+        if row.get("coverage"):
+            lines.append(f"{row['name']}: {row['coverage']}.")
+    return lines
 
 
 def print_pictures(rows: Sequence[Row]) -> None:
@@ -219,87 +146,6 @@ def print_pictures(rows: Sequence[Row]) -> None:
                 table.add_row(row.title, tile.title, *numbers)
     if table.row_count:
         _console().print(table)
-
-
-def print_model(model: DSBRDF) -> None:
-    """Print what a model holds: where it comes from, its lobes and its albedos."""
-    console = _console()
-    parts: list[Any] = [_origin(model), _lobes(model), *_components(model), _albedos(model)]
-    for i, part in enumerate(parts):
-        if i:
-            console.print()
-        console.print(part)
-
-
-def _origin(model: DSBRDF) -> Table:
-    import numpy as np
-
-    source = model.source.to_json()
-    low, high = np.rad2deg(model.theta_d[[0, -1]])
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column()
-    table.add_column(overflow="fold")
-    table.add_row("name", model.name or "-")
-    for label, key in (("file", "file"), ("SHA-256", "sha256"), ("description", "description")):
-        if source.get(key):
-            table.add_row(label, str(source[key]))
-    table.add_row(
-        "lobes", f"{model.n_lobes} in each of {model.n_channels} channels and {len(model.theta_d)} slices"
-    )
-    table.add_row("theta_d", f"{low:.1f} to {high:.1f} degrees")
-    if model.fit_options:
-        table.add_row("fit", ", ".join(_option(*item) for item in model.fit_options.items()))
-    for key, value in model.errors.items():
-        number = isinstance(value, int | float)
-        table.add_row(key.replace("_", " "), f"{_percent(value)} %" if number else str(value))
-    return table
-
-
-def _option(name: str, value: Any) -> str:
-    if name == "min_theta_h" and isinstance(value, int | float):
-        return f"{name} {math.degrees(value):g} degrees"
-    return f"{name} {'yes' if value is True else 'no' if value is False else value}"
-
-
-def _lobes(model: DSBRDF) -> Table:
-    table = _table(
-        "lobe", *(f"{symbol}{end}" for symbol in ("kappa", "gamma", "beta") for end in (" from", " to"))
-    )
-    for k in range(model.n_lobes):
-        parts = [getattr(model, symbol)[..., k] for symbol in ("kappa", "gamma", "beta")]
-        table.add_row(str(k), *(f"{x:.4g}" for part in parts for x in (part.min(), part.max())))
-    return table
-
-
-def _components(model: DSBRDF) -> list[Table]:
-    """What each lobe is, and why it is called that."""
-    import numpy as np
-
-    from dsbrdf.model.components import components
-
-    colours = "colour" if model.n_channels == 3 else "colour (channels)"
-    table = _table(
-        "lobe", "kind", "share\n0 deg %", "share\n45 deg %", "half width\ndegrees", colours, "because"
-    )
-    for column in (table.columns[1], table.columns[-1]):
-        column.justify = "left"
-    for part in components(model):
-        table.add_row(
-            "delta" if part.lobe is None else str(part.lobe),
-            part.label,
-            f"{100 * part.share:.1f}",
-            f"{100 * part.share_oblique:.1f}",
-            f"{np.rad2deg(part.half_width):.2f}",
-            " ".join(f"{value:.2f}" for value in part.colour),
-            part.reason,
-        )
-    return [table]
-
-
-def _albedos(model: DSBRDF) -> Table:
-    import numpy as np
-
-    return _albedo_table(np.deg2rad(ALBEDO_ANGLES), model.albedo(np.deg2rad(ALBEDO_ANGLES)))
 
 
 def _albedo_table(theta_i: Any, albedo: Any) -> Table:

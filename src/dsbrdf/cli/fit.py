@@ -15,16 +15,16 @@ from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
 class Loss(StrEnum):
     """Losses of a fit."""
 
-    l2 = "l2"
     log = "log"
+    gamma = "gamma"
+    l2 = "l2"
 
 
-class Criterion(StrEnum):
-    """What chooses the number of lobes."""
+class Curves(StrEnum):
+    """How many coefficients the curves over theta_d have."""
 
-    williams = "williams"
-    bic = "bic"
-    held_out = "held-out"
+    standard = "standard"
+    compact = "compact"
 
 
 @app.command()
@@ -42,40 +42,19 @@ def fit(
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write each model to DIR/<name>.json.")
     ] = None,
     lobes: Annotated[
-        str, typer.Option(metavar="N", help="Lobes in each slice and channel; auto: as few as will do.")
+        str, typer.Option(metavar="N", help="Lobes; auto: as few as the data call for.")
     ] = "auto",
-    criterion: Annotated[
-        Criterion | None,
-        typer.Option(
-            help="What chooses the number of lobes: Williams' test (the default for tables), BIC, or the error on "
-            "samples held out (always for scattered samples).",
-            show_default=False,
-        ),
-    ] = None,
-    paper: Annotated[
-        bool, typer.Option("--paper", help="The paper's model: no azimuthal term, lobes ordered by kappa.")
-    ] = False,
     loss: Annotated[
-        Loss, typer.Option(help="Squared differences (the paper), or of logarithms, for the tails.")
-    ] = Loss.l2,
-    slices: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Slices in theta_d; for tables 18, every 5 degrees, for scattered samples as they call for.",
-            show_default=False,
-        ),
-    ] = None,
+        Loss, typer.Option(help="Squares of the logarithm, the gamma deviance, or squares of values.")
+    ] = Loss.log,
+    curves: Annotated[
+        Curves,
+        typer.Option(help="Numbers of the curves over theta_d; compact: 60 or less for three channels."),
+    ] = Curves.standard,
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each material.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Write figures of each fit beside its model.")] = False,
     view: Annotated[
         bool, typer.Option("--view", help="Write a web page that shows the models, beside them.")
-    ] = False,
-    curves: Annotated[
-        bool,
-        typer.Option(
-            "--curves", help="Smooth over theta_d: splines, fitted to all rows; models are smaller."
-        ),
     ] = False,
     prior: Annotated[
         Path | None,
@@ -100,7 +79,7 @@ def fit(
 ) -> None:
     """Fit measured BRDFs; print how good the fits are."""
     from dsbrdf import batch
-    from dsbrdf.fitting import report
+    from dsbrdf.cli import _report as report
     from dsbrdf.model import energy
 
     if plot and out is None:
@@ -111,23 +90,16 @@ def fit(
         raise ModuleNotFoundError(missing)
     if out is not None:
         check_folder(out)
-    options: dict[str, Any] = {"n_lobes": _lobe_count(lobes), "loss": loss.value, "n_slices": slices}
-    if criterion is not None:
-        options["criterion"] = criterion.value
-    if paper:
-        options |= {"azimuthal": False, "order": "kappa"}
-    if curves:
-        options["curves"] = True
+    options: dict[str, Any] = {"n_lobes": _lobe_count(lobes), "loss": loss.value, "curves": curves.value}
     if prior is not None:
-        if lobes != "auto" or loss is not Loss.l2 or paper or curves or criterion or slices:
+        if lobes != "auto" or curves is not Curves.standard:
             raise typer.BadParameter(
-                "the space decides on lobes and slices: leave out --lobes, --criterion, --paper, --loss, --slices and "
-                "--curves.",
+                "the space decides on lobes and curves: leave out --lobes and --curves.",
                 param_hint="'--prior'",
             )
         from dsbrdf.space import load_space
 
-        options = {"prior": load_space(prior)}
+        options["prior"] = load_space(prior)
     state: State = context.obj
     targets, failures = batch.expand(files, strict=state.debug)
     is_batch = len(files) > 1 or targets != files
@@ -170,7 +142,7 @@ def fit(
 
 
 def _lobe_count(text: str) -> int | str:
-    from dsbrdf.paper.fit_measured import MAX_LOBES
+    from dsbrdf.fitting.options import MAX_LOBES
 
     if text == "auto":
         return text

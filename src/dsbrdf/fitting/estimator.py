@@ -8,7 +8,6 @@ squared residuals and n the independent observations that the data are worth.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,10 @@ from numpy.typing import NDArray
 from dsbrdf import _core
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.options import AUTO, FitOptions
-from dsbrdf.model.lobes import Lobes
+from dsbrdf.model.lobes import Lobes, curve_design
+from dsbrdf.space import Gaussian
 
-__all__ = ["Estimate", "Gaussian", "Sizes", "estimate", "lobes_of", "unknowns_of"]
+__all__ = ["Estimate", "estimate", "lobes_of", "unknowns_of"]
 
 Array = NDArray[np.float64]
 
@@ -26,43 +26,11 @@ Array = NDArray[np.float64]
 MAX_CHOSEN = 6
 #: Positions that lobes are grown on.
 N_GROWTH = 1500
-TOLERANCE = 1e-3
+TOLERANCE = 3e-3
 #: Inverse squares of what is usual of second and first differences of coefficients, and of colours, beta and falloff.
 PENALTY = (0.25, 0.05, 0.02)
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
-
-
-class Sizes(NamedTuple):
-    """Coefficients of the curves of a lobe."""
-
-    scale: int
-    gamma: int
-    beta: int
-    falloff: int
-    colour: int
-
-
-@dataclass(frozen=True, eq=False)
-class Gaussian:
-    """A Gaussian prior of the unknowns of some lobes.
-
-    Parameters
-    ----------
-    sizes : Sizes
-    n_lobes : int
-    mean : (unknown,) ndarray
-        In the order of `unknowns_of`.
-    precision : (unknown, unknown) ndarray
-        Inverse of the covariance.
-    channels : tuple of str, optional
-    """
-
-    sizes: Sizes
-    n_lobes: int
-    mean: Array
-    precision: Array
-    channels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -131,8 +99,6 @@ def lobes_of(x: Array, sizes: tuple[int, ...], n_lobes: int, n_channels: int) ->
 
 def _as_size(coefficients: Array, size: int) -> Array:
     """Constants, lines and parabolas (curve, coefficient) as curves of `size` coefficients, exactly."""
-    from dsbrdf.model.lobes import curve_design
-
     if coefficients.shape[1] == size:
         return coefficients
     x = np.linspace(0.0, 1.0, 4 * size + 1)

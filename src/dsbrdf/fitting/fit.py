@@ -22,7 +22,7 @@ from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 
 if TYPE_CHECKING:
-    from dsbrdf.space import MaterialSpace
+    from dsbrdf.space import Gaussian, MaterialSpace
 
 __all__ = ["ConvergenceWarning", "Fit", "fit"]
 
@@ -120,6 +120,7 @@ class Fit:
             "channels": list(self.model.channels),
             **self.errors.summary(),
             "converged": self.converged,
+            "objective": self.objective,
             "coverage": self.coverage.sentence,
             "seconds": self.seconds,
         }
@@ -137,8 +138,8 @@ def fit(
     *,
     loss: str = "log",
     curves: str = "standard",
-    prior: MaterialSpace | estimator.Gaussian | None = None,
-    max_iterations: int = 60,
+    prior: MaterialSpace | Gaussian | None = None,
+    max_iterations: int = 100,
 ) -> Fit:
     """Fit a model to a measured reflectance.
 
@@ -211,12 +212,13 @@ def fit(
     return Fit(model, measured, options, found, observations, errors, seconds)
 
 
-def _gaussian(prior: Any, observations: Observations) -> estimator.Gaussian | None:
+def _gaussian(prior: MaterialSpace | Gaussian | None, observations: Observations) -> Gaussian | None:
     if prior is None:
         return None
-    gaussian: estimator.Gaussian = prior if isinstance(prior, estimator.Gaussian) else prior.gaussian()
-    sizes = estimator.Sizes(*gaussian.sizes)
-    *shared, colour = sizes
+    from dsbrdf.space import Gaussian
+
+    gaussian = prior if isinstance(prior, Gaussian) else prior.gaussian()
+    *shared, colour = gaussian.sizes
     n_channels = observations.n_channels
     need = gaussian.n_lobes * (sum(shared) + (n_channels * colour if n_channels > 1 else 0))
     if len(gaussian.mean) != need:

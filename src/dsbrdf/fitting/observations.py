@@ -1,7 +1,7 @@
 """`Observations`: what is fitted, the same for tables and for scattered samples.
 
 A position is a pair (theta_h, theta_d) with a few azimuths. A sample is a position with one. A cell of a table is one
-with two: two values at two azimuths have the same count, means, variance and covariance over phi_d as all of its
+with three: values at three azimuths have the same count, means, variance and covariance over phi_d as all of its
 entries, and so the same least squares.
 
 How much a residual of the logarithm counts makes the fit good in three figures of merit at once. In ln f the squares of
@@ -12,8 +12,7 @@ the logarithm itself, of the cube root of `f cos_i cos_o`, and of f are weighted
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,9 @@ OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
-#: Two values that stand for a row over phi_d stay within this of its mean.
+#: Azimuths of a cell, in standard deviations of cos(2 phi_d): of mean 0 and variance 1.
+NODES = np.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
+#: Values that stand for a row over phi_d stay within this of its mean.
 MAX_SWING = 0.9
 #: Squares of misfit of a table are worth so many independent ones: those of neighbouring cells are alike (record 0016).
 EFFECTIVE = 2000.0
@@ -58,6 +59,13 @@ class Observations:
         Zero where there is no value.
     n_effective : float
         Independent observations that all this is worth.
+
+    Attributes
+    ----------
+    offset : (channel,) ndarray, 1/sr
+        Offset of the logarithm.
+    kernel : _core.Observations
+        The same in the kernel.
     """
 
     log_cos: Array
@@ -66,28 +74,19 @@ class Observations:
     values: Array
     weights: Array
     n_effective: float
+    offset: Array = field(init=False)
+    kernel: _core.Observations = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "offset", _offset(self.values, self.weights))
+        arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
+        kernel = _core.Observations(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
+        object.__setattr__(self, "kernel", kernel)
 
     @property
     def n_channels(self) -> int:
         """Number of channels."""
         return int(self.values.shape[2])
-
-    @cached_property
-    def offset(self) -> Array:
-        """Offset (channel,) of the logarithm, 1/sr."""
-        offset = np.empty(self.n_channels)
-        for channel in range(self.n_channels):
-            some = self.values[..., channel][self.weights[..., channel] > 0.0]
-            noise = -np.quantile(some, NEGATIVE_QUANTILE) if some.size else 0.0
-            offset[channel] = max(OFFSET * np.median(np.abs(some)), noise) if some.size else 1.0
-        least = offset[offset > 0.0].min(initial=np.inf)
-        return np.where(offset > 0.0, offset, least if np.isfinite(least) else 1.0)
-
-    @cached_property
-    def kernel(self) -> _core.Observations:
-        """The same in the kernel."""
-        arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
-        return _core.Observations(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
 
     @classmethod
     def of(cls, measured: MeasuredBRDF | Samples) -> Observations:
@@ -104,6 +103,17 @@ class Observations:
                 f"{measured.name or 'the measurement'}: no value is valid. Check that it holds positive values in 1/sr."
             )
         return found
+
+
+def _offset(values: Array, weights: Array) -> Array:
+    """Offset (channel,) of the logarithm."""
+    offset = np.empty(values.shape[2])
+    for channel in range(len(offset)):
+        some = values[..., channel][weights[..., channel] > 0.0]
+        noise = -np.quantile(some, NEGATIVE_QUANTILE) if some.size else 0.0
+        offset[channel] = max(OFFSET * np.median(np.abs(some)), noise) if some.size else 0.0
+    least = offset[offset > 0.0].min(initial=np.inf)
+    return np.where(offset > 0.0, offset, least if np.isfinite(least) else 1.0)
 
 
 def cell_area(theta_h: Array, theta_d: Array) -> Array:
@@ -129,11 +139,11 @@ def _of_table(measured: MeasuredBRDF) -> Observations:
     var_c = np.maximum(cc / count - mean_c**2, 0.0)
     slope = np.divide(fc / count - mean * mean_c, var_c, out=np.zeros_like(var_c), where=var_c > 1e-12)
 
-    # The same two azimuths for all channels
+    # The same three azimuths for all channels
     total = np.maximum(n.sum(1), 1.0)
     middle = c.sum(1) / total
     spread = np.sqrt(np.maximum(cc.sum(1) / total - middle**2, 0.0))
-    nodes = np.stack([middle - spread, middle + spread], axis=-1)
+    nodes = middle[..., None] + spread[..., None] * NODES
     swing = slope[..., None] * (nodes[:, None] - mean_c[..., None])
     most = MAX_SWING * np.abs(mean)[..., None]
     values = mean[..., None] + np.clip(swing, -most, most)
@@ -145,13 +155,13 @@ def _of_table(measured: MeasuredBRDF) -> Observations:
     h, d = (grid.ravel() for grid in np.broadcast_arrays(theta_h, theta_d[:, None]))
     factor = half_diff.azimuthal_factor(theta_h, theta_d[:, None])
     by_position = (0, 2, 3, 1)
-    shape = (h.size, 2, n.shape[1])
+    shape = (h.size, len(NODES), n.shape[1])
     return Observations(
         half_diff.log_cos(h),
         np.cos(d),
-        (factor[..., None] * nodes).reshape(h.size, 2),
+        (factor[..., None] * nodes).reshape(h.size, len(NODES)),
         values.transpose(by_position).reshape(shape),
-        np.repeat(weights[..., None], 2, axis=-1).transpose(by_position).reshape(shape),
+        np.repeat(weights[..., None], len(NODES), axis=-1).transpose(by_position).reshape(shape),
         min(EFFECTIVE, float((some.any(1)).sum())),
     )
 

@@ -39,7 +39,7 @@ class FitOptions:
     n_lobes: int | str = AUTO
     loss: str = "log"
     curves: str = "standard"
-    max_iterations: int = 60
+    max_iterations: int = 100
 
     def __post_init__(self) -> None:
         if self.n_lobes != AUTO and (

@@ -23,7 +23,8 @@ __all__ = ["FALLOFF", "MAX_BETA", "MAX_LN_KAPPA", "Lobes", "Parameters", "curve_
 MAX_LN_KAPPA = 6.5
 #: Least and greatest falloff; above -1 a lobe's energy is finite.
 FALLOFF = (-0.9, 20.0)
-MAX_BETA = 4.0
+#: Greatest beta of a fit, either way.
+MAX_BETA = 2.0
 #: Curves that all channels share.
 SHARED = ("scale", "gamma", "beta", "falloff")
 

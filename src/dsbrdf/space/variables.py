@@ -204,7 +204,9 @@ def resized(coefficients: Array, size: int) -> Array:
         return coefficients
     x = _angles()
     values = coefficients @ curve_design(x, coefficients.shape[-1]).T
-    nearest = np.asarray(np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T, np.float64)
+    nearest = np.asarray(
+        np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T, np.float64
+    )
     return nearest.reshape(*coefficients.shape[:-1], size)
 
 
