@@ -1,9 +1,9 @@
 """Directional statistics BRDF model: measured reflectance to a few lobes, and back.
 
 A measured isotropic BRDF becomes a sum of lobes of the half angle, after Nishino & Lombardi (JOSA A 28(1), 2011), with
-shapes shared by the channels and smooth over the difference angle (`Lobes` has the formula). The way of the data is: `read`
-or `material` gives a measured table or `Samples`, `fit` a model and how good it is, the model's `eval`, `sample`, `lobe` and
-`save` its use. `dsbrdf.paper` holds the paper's own experiment.
+shapes shared by the channels and smooth over the difference angle (`Lobes` has the formula). The way of the data is:
+`read` or `material` gives a measured table or `Samples`, `fit` a model and how good it is, the model's `eval`,
+`sample`, `lobe` and `save` its use. `dsbrdf.paper` holds the paper's own experiment.
 """
 
 from importlib import import_module
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome, fit_many
-    from dsbrdf.fitting import ConvergenceWarning, Fit, FitOptions, fit
+    from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
+    from dsbrdf.fitting.options import FitOptions
     from dsbrdf.geometry import half_diff
     from dsbrdf.measured import (
         MeasuredBRDF,
@@ -33,9 +34,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "DSBRDF",
     "CheckReport",
     "ConvergenceWarning",
-    "DSBRDF",
     "Fit",
     "FitOptions",
     "Lobes",

@@ -37,9 +37,9 @@ __all__ = [
 
 #: What the columns of the tables of fits mean.
 ERRORS = (
-    "Errors over all that was measured, the whole hemisphere. rel: relative RMS over directions; cbrt: the same of the cube "
-    "root of f cos cos; log: RMS of the logarithm over entries; albedo: largest relative error at 5 to 75 degrees. Floor: "
-    "no function of (theta_h, theta_d) has a lower rel."
+    "Errors over all that was measured, the whole hemisphere. rel: relative RMS over directions; cbrt: the same of the "
+    "cube root of f cos cos; log: RMS of the logarithm over entries; albedo: largest relative error, 5 to 75 degrees. "
+    "Floor: no function of (theta_h, theta_d) has a lower rel."
 )
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160

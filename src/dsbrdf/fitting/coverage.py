@@ -67,7 +67,7 @@ class Coverage:
     def sentence(self) -> str:
         """What is not covered, in a line; empty if all is."""
         parts = []
-        rows, columns = self.cells.any(1), self.cells.any(0)
+        rows, columns = (np.asarray(self.cells.any(axis)) for axis in (1, 0))
         if not rows.all():
             parts.append(f"theta_d only {_range(self.theta_d)}")
         if not columns[:-1].all():

@@ -1,8 +1,8 @@
 """The estimator: lobes grown one by one on a part of the observations, chosen, and brought to the end on all of them.
 
-The work is done in the kernel (`crates/dsbrdf-core`: estimator, growth). What is minimised is `Estimate.objective`, twice
-the negative logarithm of the posterior with the noise integrated out: `n ln(S) + penalty`, with S the weighted mean of
-squared residuals and n the independent observations that the data are worth.
+The work is done in the kernel (`crates/dsbrdf-core`: estimator, growth). What is minimised is `Estimate.objective`,
+twice the negative logarithm of the posterior with the noise integrated out: `n ln(S) + penalty`, with S the weighted
+mean of squared residuals and n the independent observations that the data are worth.
 """
 
 from __future__ import annotations
@@ -103,8 +103,7 @@ def _as_size(coefficients: Array, size: int) -> Array:
         return coefficients
     x = np.linspace(0.0, 1.0, 4 * size + 1)
     values = curve_design(x, coefficients.shape[1]) @ coefficients.T
-    refined: Array = np.linalg.lstsq(curve_design(x, size), values)[0].T
-    return refined
+    return np.asarray(np.linalg.lstsq(curve_design(x, size), values)[0].T, dtype=np.float64)
 
 
 def estimate(observations: Observations, options: FitOptions, prior: Gaussian | None = None) -> Estimate:

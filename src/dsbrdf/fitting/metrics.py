@@ -2,12 +2,13 @@
 
 - `rel`: relative RMS over pairs of directions, `sqrt(sum (model - f)^2 / sum f^2)`;
 - `cbrt`: the same of the cube root of `f cos_i cos_o`, near to what the eye sees;
-- `log`: RMS of `ln((model + 1e-6) / (f + 1e-6))` over all entries that are not zero, as iBRDF (Chen et al. 2020) and FMBRDF have it;
-- `albedo`: the largest relative error of the light reflected to within 80 degrees of the normal from 5, 30, 60 and 75 degrees, of
-  the mean over channels.
+- `log`: RMS of `ln((model + 1e-6) / (f + 1e-6))` over all entries that are not zero, as iBRDF (Chen et al. 2020) and
+  FMBRDF have it;
+- `albedo`: the largest relative error of the light reflected to within 80 degrees of the normal from 5, 30, 60 and 75
+  degrees, of the mean over channels.
 
-The entries of a table are weighted by the solid angle of their cells, but for `log`; samples count alike. Floors of `rel`:
-bivariate, what no function of (theta_h, theta_d) goes below, and azimuthal, the same with a term in cos(2 phi_d).
+The entries of a table are weighted by the solid angle of their cells, but for `log`; samples count alike. Floors of
+`rel`: bivariate, what no function of (theta_h, theta_d) goes below, and azimuthal, the same with a cos(2 phi_d) term.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """How certain a fit is: the posterior at the solution, standard errors of parameters, and bands of values.
 
 The covariance of the unknowns is `H^-1 (M + P) H^-1`, with H the Hessian of the posterior, M the sum of squares of the
-scores of single positions, and P the curvature of the penalty or of the prior: residuals that differ in size from place to
-place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986). What the data
-do not decide keeps the spread of P. It speaks of noise in the measurement, not of what the model cannot describe elsewhere.
+scores of single positions, and P the curvature of the penalty or of the prior: residuals that differ in size from place
+to place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986). What the
+data do not decide keeps the spread of P. It speaks of noise in the measurement, not of what the model cannot describe
+elsewhere.
 
 `linearise` is the readable twin of the kernel's residuals and derivatives, and what they are tested against.
 """
@@ -98,7 +99,8 @@ class Posterior:
         rows = np.zeros((n, len(self.covariance)))
         for start, design in terms:
             rows[:, start : start + design.shape[1]] = design
-        return np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", rows, self.covariance, rows), 0.0))
+        variance: Array = np.einsum("ip,pq,iq->i", rows, self.covariance, rows)
+        return np.sqrt(np.maximum(variance, 0.0))
 
     def deviation(self, wi: ArrayLike, wo: ArrayLike) -> Array:
         """Standard deviations (..., channel) of the logarithm of values at pairs of directions (..., 3)."""
@@ -125,9 +127,9 @@ class _Index:
     def __init__(self, lobes: Lobes) -> None:
         self.lobes = lobes
         self.names = ("scale", "gamma", "beta", "falloff")
-        sizes = [getattr(lobes, name).shape[1] for name in self.names]
-        self.a_lobe = sum(sizes)
-        self.start = dict(zip(self.names, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
+        sizes = [int(getattr(lobes, name).shape[1]) for name in self.names]
+        self.a_lobe: int = sum(sizes)
+        self.start: dict[str, int] = dict(zip(self.names, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
 
     @property
     def n(self) -> int:
@@ -263,10 +265,8 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
         of_position = np.einsum("nkcp,nkc->np", weighted, residual, optimize=True)
         scores += of_position.T @ of_position
     precision = found.options.n_effective / max(found.squares, 1e-22)
-    if found.prior is None:
-        held = penalty_matrix(lobes, found.options.penalty)
-    else:
-        held = found.prior.precision
+    prior = found.prior
+    held = penalty_matrix(lobes, found.options.penalty) if prior is None else prior.precision
     n_rows = float((observations.weights > 0.0).sum())
     correction = n_rows / max(n_rows - n, 1.0)
     total = precision * hessian + held

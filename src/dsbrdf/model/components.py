@@ -33,7 +33,8 @@ class Component:
     colour : (channel,) ndarray
         Albedo at normal incidence (at 45 degrees if there is none), linear, its largest channel 1.
     half_width : float, radians
-        theta_h at which the lobe falls to half its height at theta_d = 0; mean over channels, weighted by albedo, as a higher lobe of the same gamma is narrower.
+        theta_h at which the lobe falls to half its height at theta_d = 0; mean over channels,
+        weighted by albedo, as a higher lobe of the same gamma is narrower.
     label : {"spike", "specular", "glossy", "body"}
     reason : str
         Why it is called that, a sentence.

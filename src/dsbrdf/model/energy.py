@@ -93,5 +93,5 @@ def _refined(coefficients: Array, size: int) -> Array:
         return coefficients
     x = np.linspace(0.0, 1.0, 8 * size + 1)
     values = coefficients @ curve_design(x, coefficients.shape[-1]).T
-    refined: Array = np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T
-    return refined.reshape(*coefficients.shape[:-1], size)
+    refined = np.linalg.lstsq(curve_design(x, size), values.reshape(-1, len(x)).T)[0].T
+    return np.asarray(refined, dtype=np.float64).reshape(*coefficients.shape[:-1], size)

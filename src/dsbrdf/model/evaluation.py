@@ -32,7 +32,16 @@ def evaluate_numpy(lobes: Lobes, wi: Any, wo: Any) -> NDArray[np.float64]:
     """Values (..., channel) at pairs of directions (..., 3), by the compiled kernel."""
     wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
     flat = [np.ascontiguousarray(w.reshape(-1, 3)) for w in (wi, wo)]
-    values = _core.eval(flat[0], flat[1], *lobes.parts, AZIMUTHAL_WIDTH)
+    values = _core.eval(
+        flat[0],
+        flat[1],
+        lobes.scale,
+        lobes.gamma,
+        lobes.beta,
+        lobes.falloff,
+        lobes.colour,
+        AZIMUTHAL_WIDTH,
+    )
     return values.reshape(*wi.shape[:-1], lobes.n_channels)
 
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from dsbrdf import _files
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.model.lobes import Lobes
-from dsbrdf.measured.profile import MeasuredProfile
 
 __all__ = ["SCHEMA", "ModelFormatError", "load", "models_in", "save"]
 

@@ -1,8 +1,8 @@
 """`Lobes`: the numbers of a model, and the curves over theta_d that they stand for.
 
-A curve of m coefficients over x = cos(theta_d) is a constant, a line or a parabola for m = 1, 2, 3; more make a quadratic
-B-spline with m - 2 equal spans. Its functions are not negative and add up to one, so that a curve stays between its
-least and its greatest coefficient.
+A curve of m coefficients over x = cos(theta_d) is a constant, a line or a parabola for m = 1, 2, 3; more make a
+quadratic B-spline with m - 2 equal spans. Its functions are not negative and add up to one, so that a curve stays
+between its least and its greatest coefficient.
 """
 
 from __future__ import annotations
@@ -155,8 +155,9 @@ class Lobes:
     def take(self, lobes: Any) -> Lobes:
         """Some of the lobes: `lobes` is an index, a slice or a list of indices."""
         index = [lobes] if isinstance(lobes, int) else lobes
-        shared = (getattr(self, name)[index] for name in SHARED)
-        return Lobes(*shared, self.colour[:, index])
+        return Lobes(
+            self.scale[index], self.gamma[index], self.beta[index], self.falloff[index], self.colour[:, index]
+        )
 
     def replace(self, **changes: Any) -> Lobes:
         """Return a copy with some arrays changed."""

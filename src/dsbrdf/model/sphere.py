@@ -41,8 +41,8 @@ def shade(reflectance: DSBRDF | MeasuredBRDF, n_pixels: int = 128) -> Array:
     for toward, irradiance in LIGHTS:
         light = np.array(toward) / np.linalg.norm(toward)
         wi = _local(normal, light)
-        table = isinstance(reflectance, MeasuredBRDF)
-        value = _look_up(reflectance, wi, wo) if table else reflectance.eval(wi, wo)
+        is_table = isinstance(reflectance, MeasuredBRDF)
+        value = _look_up(reflectance, wi, wo) if is_table else reflectance.eval(wi, wo)  # type: ignore[arg-type]
         image[inside] += irradiance * np.maximum(wi[:, 2:], 0.0) * value
     return image
 
