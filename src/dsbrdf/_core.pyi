@@ -7,10 +7,6 @@ from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
 
-MAX_HEIGHT: float
-MAX_LN_GAMMA: float
-MAX_ASIN_BETA: float
-
 class _Fit(TypedDict):
     kappa: _Floats
     gamma: _Floats

@@ -100,32 +100,4 @@ impl Observations {
         };
         Self::picked(&given, &kept, self.n_nodes, self.n_channels)
     }
-
-    /// The mean over the channels, each value counted by its weight.
-    #[must_use]
-    pub fn mean_channel(&self) -> Self {
-        let n = self.len();
-        let (mut value, mut weight) = (vec![0.0; self.n_nodes * n], vec![0.0; self.n_nodes * n]);
-        for node in 0..self.n_nodes {
-            for channel in 0..self.n_channels {
-                let row = self.row(node, channel);
-                for i in 0..n {
-                    value[node * n + i] += self.weight[row + i] * self.value[row + i];
-                    weight[node * n + i] += self.weight[row + i];
-                }
-            }
-        }
-        for (value, weight) in value.iter_mut().zip(&weight) {
-            *value = if *weight > 0.0 { *value / weight } else { 0.0 };
-        }
-        Self {
-            n_channels: 1,
-            ln_cos: self.ln_cos.clone(),
-            x: self.x.clone(),
-            azimuth: self.azimuth.clone(),
-            value,
-            weight,
-            ..*self
-        }
-    }
 }

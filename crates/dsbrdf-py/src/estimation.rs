@@ -13,6 +13,9 @@ use pyo3::types::PyDict;
 use crate::arrays::{elements, shaped};
 use crate::pool;
 
+/// Half the cost, gradient and Hessian.
+type Equations<'py> = (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
 /// Observations (position, node, channel) that lobes are fitted to.
 #[pyclass(frozen)]
 pub struct Observations {
@@ -97,11 +100,6 @@ impl Observations {
         Self { core: py.detach(|| self.core.thinned(n)) }
     }
 
-    /// The mean over the channels.
-    fn mean_channel(&self, py: Python<'_>) -> Self {
-        Self { core: py.detach(|| self.core.mean_channel()) }
-    }
-
     /// Fits with 1 to `max_lobes` lobes.
     fn grow<'py>(
         &self,
@@ -122,6 +120,7 @@ impl Observations {
     }
 
     /// The fit of `n_lobes` lobes from `x`.
+    #[allow(clippy::too_many_arguments)]
     #[pyo3(signature = (options, n_lobes, x, *, iterations, tolerance, prior=None))]
     fn refine<'py>(
         &self,
@@ -160,7 +159,7 @@ impl Observations {
         options: Options,
         n_lobes: usize,
         x: Vec<f64>,
-    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+    ) -> PyResult<Equations<'py>> {
         let plan = options.plan(self.core.n_channels)?;
         let shape = Shape { n_lobes, n_channels: self.core.n_channels, sizes: plan.sizes };
         let (cost, gradient, hessian) = pool::run(py, || {

@@ -11,13 +11,6 @@ use pyo3::prelude::*;
 
 #[pymodule(gil_used = false)]
 mod _core {
-    /// Limits of the fit.
-    #[pymodule_export]
-    const MAX_HEIGHT: f64 = dsbrdf_core::paper::mixture::MAX_HEIGHT;
-    #[pymodule_export]
-    const MAX_LN_GAMMA: f64 = dsbrdf_core::paper::mixture::MAX_LN_GAMMA;
-    #[pymodule_export]
-    const MAX_ASIN_BETA: f64 = dsbrdf_core::paper::mixture::MAX_ASIN_BETA;
     #[pymodule_export]
     use crate::estimation::Observations;
     #[pymodule_export]
