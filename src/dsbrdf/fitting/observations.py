@@ -4,10 +4,10 @@ A position is a pair (theta_h, theta_d) with a few azimuths. A sample is a posit
 with three: values at three azimuths have the same count, means, variance and covariance over phi_d as all of its
 entries, and so the same least squares.
 
-How much a residual of the logarithm counts makes the fit good in three figures of merit at once. In ln f the squares of
-the logarithm itself, of the cube root of `f cos_i cos_o`, and of f are weighted by solid angle, by that times
-`(f cos_i cos_o)^(2/3)`, and by that times f^2; the weight is 1 : 3 : 1 times these, each made to add up to one
-(decision record 0015).
+How much a residual of the logarithm counts makes the fit good in several figures of merit at once. In ln f the squares
+of the logarithm itself, of the cube root of `f cos_i cos_o`, of the albedo and of f are weighted by solid angle times 1,
+`(f cos_i cos_o)^(2/3)`, `f cos_i cos_o` (alike for all theta_d) and f^2; the weight is a sum of these, each made to add
+up to one (decision record 0015).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ __all__ = ["Observations", "cell_area"]
 
 Array = NDArray[np.float64]
 
-#: Shares of the logarithm, of the cube root and of the value itself in the weight of a residual.
-SHARES = (1.0, 2.0, 2.0, 0.5)
+#: Shares of the logarithm, of the cube root, of the albedo and of the value itself in the weight of a residual.
+SHARES = (0.7, 3.0, 4.0, 0.7)
 #: The offset of the logarithm is this times the median value, or as much as the most negative values if that is more.
 OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
