@@ -37,10 +37,6 @@ impl Observations {
         order.sort_by(|&i, &j| {
             (given.x[i], given.ln_cos[i]).partial_cmp(&(given.x[j], given.ln_cos[j])).expect("finite angles")
         });
-        Self::picked(given, &order, n_nodes, n_channels)
-    }
-
-    fn picked(given: &Given, order: &[usize], n_nodes: usize, n_channels: usize) -> Self {
         let one = |from: &[f64]| order.iter().map(|&i| from[i]).collect();
         let all = |from: &[f64], width: usize| -> Vec<f64> {
             (0..width).flat_map(|at| order.iter().map(move |&i| from[i * width + at])).collect()
@@ -75,7 +71,8 @@ impl Observations {
         (node * self.n_channels + channel) * self.len()
     }
 
-    /// About `n` of the positions, spread over x and theta_h as all are.
+    /// About `n` of the positions, spread over x and theta_h as all are, with one azimuth each: by turns the first, the
+    /// second and so on.
     #[must_use]
     pub fn thinned(&self, n: usize) -> Self {
         let step = self.len().div_ceil(n.max(1)).max(1);
@@ -85,19 +82,32 @@ impl Observations {
         for strip in order.chunks_mut(strip) {
             strip.sort_by(|&i, &j| self.ln_cos[i].total_cmp(&self.ln_cos[j]).then(i.cmp(&j)));
         }
-        let mut kept: Vec<usize> = order.into_iter().skip(step / 2).step_by(step).collect();
+        // (position, its azimuth)
+        let mut kept: Vec<(usize, usize)> = order
+            .into_iter()
+            .skip(step / 2)
+            .step_by(step)
+            .enumerate()
+            .map(|(turn, i)| (i, turn % self.n_nodes))
+            .collect();
         kept.sort_unstable();
-        let rows = |from: &[f64]| -> Vec<f64> {
-            let width = from.len() / self.len().max(1);
-            (0..self.len()).flat_map(|i| (0..width).map(move |at| from[at * self.len() + i])).collect()
+        let one = |from: &[f64]| kept.iter().map(|&(i, _)| from[i]).collect();
+        let all = |from: &[f64]| -> Vec<f64> {
+            (0..self.n_channels)
+                .flat_map(|c| kept.iter().map(move |&(i, node)| from[self.row(node, c) + i]))
+                .collect()
         };
-        let given = Given {
-            ln_cos: &self.ln_cos,
-            x: &self.x,
-            azimuth: &rows(&self.azimuth),
-            value: &rows(&self.value),
-            weight: &rows(&self.weight),
-        };
-        Self::picked(&given, &kept, self.n_nodes, self.n_channels)
+        let mut weight = all(&self.weight);
+        let total: f64 = weight.iter().sum();
+        weight.iter_mut().for_each(|w| *w /= total);
+        Self {
+            n_nodes: 1,
+            n_channels: self.n_channels,
+            ln_cos: one(&self.ln_cos),
+            x: one(&self.x),
+            azimuth: kept.iter().map(|&(i, node)| self.azimuth[node * self.len() + i]).collect(),
+            value: all(&self.value),
+            weight,
+        }
     }
 }

@@ -24,9 +24,12 @@ Array = NDArray[np.float64]
 
 #: Most lobes that the choice goes up to.
 MAX_CHOSEN = 6
-#: Positions that lobes are grown on.
+#: Positions that lobes are grown on, and those that they are brought near the end on; one azimuth each.
 N_GROWTH = 1500
+N_NEAR = 5000
+#: Decrease of the objective over some iterations, relative, that ends the search near the end and at it.
 TOLERANCE = 3e-3
+LAST_TOLERANCE = 1e-2
 #: Inverse squares of what is usual of second and first differences of coefficients, and of colours, beta and falloff.
 PENALTY = (0.25, 0.05, 0.02)
 #: More channels than this are grown as so many means of neighbours.
@@ -128,9 +131,14 @@ def estimate(observations: Observations, options: FitOptions, prior: Gaussian | 
     if options.n_lobes == AUTO:
         criteria = np.array([_criterion(observations, how, found) for found in path])
         chosen = path[int(criteria.argmin())]
-    end = observations.kernel.refine(
-        how, chosen["n_lobes"], chosen["x"].tolist(), iterations=options.max_iterations, tolerance=TOLERANCE
-    )
+    end = chosen
+    for part, tolerance in (
+        (observations.kernel.thinned(N_NEAR), TOLERANCE),
+        (observations.kernel, LAST_TOLERANCE),
+    ):
+        end = part.refine(
+            how, end["n_lobes"], end["x"].tolist(), iterations=options.max_iterations, tolerance=tolerance
+        )
     lobes = lobes_of(end["x"], how.sizes, end["n_lobes"], observations.n_channels)
     spent = chosen["iterations"] + end["iterations"]
     return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)

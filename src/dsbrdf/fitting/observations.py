@@ -4,8 +4,8 @@ A position is a pair (theta_h, theta_d) with a few azimuths. A sample is a posit
 with three: values at three azimuths have the same count, means, variance and covariance over phi_d as all of its
 entries, and so the same least squares.
 
-How much a residual of the logarithm counts makes the fit good in several figures of merit at once. In ln f the squares
-of the logarithm itself, of the cube root of `f cos_i cos_o`, of the albedo and of f are weighted by solid angle times 1,
+How much a residual of the logarithm counts makes the fit good in several figures of merit at once. In ln f the
+squares of the logarithm itself, of the cube root of `f cos_i cos_o`, of the albedo and of f are weighted by solid angle times 1,
 `(f cos_i cos_o)^(2/3)`, `f cos_i cos_o` (alike for all theta_d) and f^2; the weight is a sum of these, each made to add
 up to one (decision record 0015).
 """
