@@ -194,7 +194,7 @@ def fit(
     seconds = time.perf_counter() - start
     if not found.converged:
         warnings.warn(
-            f"{measured.name or 'the fit'}: the search ended after {options.max_iterations} iterations and may not be "
+            f"the search ended after {options.max_iterations} iterations and may not be "
             "at a minimum. Allow more with 'max_iterations', or fit fewer lobes.",
             ConvergenceWarning,
             stacklevel=2,

@@ -5,9 +5,9 @@ with three: values at three azimuths have the same count, means, variance and co
 entries, and so the same least squares.
 
 How much a residual of the logarithm counts makes the fit good in several figures of merit at once. In ln f the
-squares of the logarithm itself, of the cube root of `f cos_i cos_o`, of the albedo and of f are weighted by solid angle times 1,
-`(f cos_i cos_o)^(2/3)`, `f cos_i cos_o` (alike for all theta_d) and f^2; the weight is a sum of these, each made to add
-up to one (decision record 0015).
+squares of the logarithm itself, of the cube root of `f cos_i cos_o`, of the albedo and of f are weighted by solid angle
+times 1, `(f cos_i cos_o)^(2/3)`, `f cos_i cos_o` (alike for all theta_d) and f^2; the weight is a sum of these, each
+made to add up to one (decision record 0015).
 """
 
 from __future__ import annotations
@@ -82,6 +82,11 @@ class Observations:
         arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
         kernel = _core.Observations(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
         object.__setattr__(self, "kernel", kernel)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What the kernel holds is made again
+        arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
+        return Observations, (*arrays, self.n_effective)
 
     @property
     def n_channels(self) -> int:
