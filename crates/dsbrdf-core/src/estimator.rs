@@ -12,6 +12,9 @@ use crate::levenberg_marquardt::LeastSquares;
 use crate::observations::Observations;
 use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
 
+/// A lobe is at most this many times as high as the brightest value: nothing else holds one that is narrower than the
+/// distance of the samples.
+const MAX_HEIGHT: f64 = 2.0;
 /// Least and greatest `ln kappa`: absent, and the most that `expm1` holds.
 pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
 /// Least and greatest `ln gamma`: flat, and a mirror.
@@ -136,6 +139,8 @@ pub struct Problem<'a> {
     root_weight: Vec<f64>,
     penalty: Penalty,
     prior: Option<&'a Prior>,
+    /// Greatest `ln kappa` of a scale.
+    max_scale: f64,
     /// `n / s^2` of the cost.
     pub precision: f64,
     bins: Vec<Bin>,
@@ -163,8 +168,11 @@ impl<'a> Problem<'a> {
                 *target = loss.transformed(value, offset);
             }
         }
+        let brightest = observations.value.iter().zip(&observations.weight).filter(|(_, w)| **w > 0.0);
+        let brightest = brightest.map(|(&f, _)| f).fold(0.0, f64::max);
         let n_unknowns = shape.n_unknowns();
         Self {
+            max_scale: (MAX_HEIGHT * brightest).ln_1p().ln().clamp(LN_KAPPA.0 + 1.0, LN_KAPPA.1),
             bins: bins(observations, &shape),
             shape,
             observations,
@@ -272,7 +280,7 @@ impl LeastSquares for Problem<'_> {
         }
         let k = self.shape.shared(SCALE, 1);
         match i % k {
-            at if at < self.shape.shared(GAMMA, 0) => LN_KAPPA,
+            at if at < self.shape.shared(GAMMA, 0) => (LN_KAPPA.0, self.max_scale),
             at if at < self.shape.shared(BETA, 0) => LN_GAMMA,
             at if at < self.shape.shared(FALLOFF, 0) => (-MAX_BETA, MAX_BETA),
             _ => FALLOFF_RANGE,

@@ -2,7 +2,8 @@
 
 The covariance of the unknowns is `H^-1 (M + P) H^-1`, with H the Hessian of the posterior, M the sum of squares of the
 scores of single positions, and P the curvature of the penalty or of the prior: residuals that differ in size from place
-to place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986). What the
+to place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986), each divided
+by what its leverage leaves of it (MacKinnon and White 1985). What the
 data do not decide keeps the spread of P. It speaks of noise in the measurement, not of what the model cannot describe
 elsewhere.
 
@@ -33,6 +34,8 @@ MAX_UNKNOWNS = 3000
 CHUNK = 1000
 #: Differences of logarithms above this count linearly in the gamma deviance; as in the kernel.
 MAX_LOG_RATIO = 3.0
+#: Least share of its own noise that a residual is taken to show.
+LEAST_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,22 +259,26 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
             f"{n:,} unknowns are too many for their covariance, {MAX_UNKNOWNS:,} at most. Fit fewer channels."
         )
     weights = observations.weights / observations.weights.sum()
-    hessian, scores = np.zeros((n, n)), np.zeros((n, n))
-    for start in range(0, len(observations.x), CHUNK):
-        part = slice(start, start + CHUNK)
-        residual, jacobian = linearise(lobes, observations, found.options.loss, part)
+    parts = [slice(start, start + CHUNK) for start in range(0, len(observations.x), CHUNK)]
+    hessian = np.zeros((n, n))
+    for part in parts:
+        _, jacobian = linearise(lobes, observations, found.options.loss, part)
         weighted = jacobian * weights[part][..., None]
         hessian += np.einsum("nkcp,nkcq->pq", weighted, jacobian, optimize=True)
-        of_position = np.einsum("nkcp,nkc->np", weighted, residual, optimize=True)
-        scores += of_position.T @ of_position
     precision = found.options.n_effective / max(found.squares, 1e-22)
     prior = found.prior
     held = penalty_matrix(lobes, found.options.penalty) if prior is None else prior.precision
-    n_rows = float((observations.weights > 0.0).sum())
-    correction = n_rows / max(n_rows - n, 1.0)
-    total = precision * hessian + held
-    inverse = np.linalg.pinv(total, rcond=1e-14, hermitian=True)
-    covariance = inverse @ (precision**2 * correction * scores + held) @ inverse
+    inverse = np.linalg.pinv(precision * hessian + held, rcond=1e-14, hermitian=True)
+    scores = np.zeros((n, n))
+    for part in parts:
+        residual, jacobian = linearise(lobes, observations, found.options.loss, part)
+        weighted = jacobian * weights[part][..., None]
+        # A value that draws the fit to itself has a residual that is too small for its noise
+        leverage = precision * np.einsum("nkcp,pq,nkcq->nkc", weighted, inverse, jacobian, optimize=True)
+        residual = residual / np.maximum(1.0 - leverage, LEAST_SHARE)
+        of_position = np.einsum("nkcp,nkc->np", weighted, residual, optimize=True)
+        scores += of_position.T @ of_position
+    covariance = inverse @ (precision**2 * scores + held) @ inverse
     n_decided = float(np.trace(inverse @ (precision * hessian)))
     return Posterior(lobes, covariance, n_decided)
 
