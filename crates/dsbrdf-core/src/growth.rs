@@ -36,10 +36,10 @@ pub struct Solution {
 /// Mean squares below this are rounding.
 pub const LEAST_SQUARES: f64 = 1e-22;
 /// Iterations of a first look at a start, and of the best of them.
-const LOOK: usize = 3;
-const GROW: usize = 14;
+const LOOK: usize = 5;
+const GROW: usize = 25;
 /// Starts that are taken further.
-const KEPT: usize = 2;
+const KEPT: usize = 3;
 /// The noise is estimated again at most so many times.
 const ROUNDS: usize = 6;
 /// Height of a lobe that is not there yet, `ln kappa`.
