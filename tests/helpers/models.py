@@ -1,23 +1,62 @@
-"""Random models and pairs of directions, for the tests of evaluation."""
+"""Models made by hand or at random, and pairs of directions, for the tests of models and fits."""
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from dsbrdf import DSBRDF
+from dsbrdf.geometry import half_diff
 from dsbrdf.model.evaluation import evaluate_any
+from dsbrdf.model.lobes import Lobes
 
-N_SLICES, N_CHANNELS, N_LOBES = 7, 3, 3
+N_CHANNELS, N_LOBES = 3, 3
+#: Coefficients of scale, gamma, beta, falloff and colour.
+SIZES = (5, 4, 3, 1, 2)
 
 
-def random_model(seed=1, n_slices=N_SLICES, n_channels=N_CHANNELS, n_lobes=N_LOBES):
+def random_model(seed=1, sizes=SIZES, n_channels=N_CHANNELS, n_lobes=N_LOBES):
     rng = np.random.default_rng(seed)
-    shape = (n_slices, n_channels, n_lobes)
+    scale, gamma, beta, falloff, colour = sizes
     return DSBRDF(
-        np.sort(rng.uniform(0.05, 1.5, n_slices)),
-        10.0 ** rng.uniform(-2.0, 0.8, shape),
-        10.0 ** rng.uniform(-1.0, 3.0, shape),
-        rng.uniform(-0.95, 0.95, shape),
-        rng.uniform(0.0, 50.0, shape[:2]),
+        Lobes(
+            rng.uniform(-4.0, 1.5, (n_lobes, scale)),
+            rng.uniform(-1.0, 6.0, (n_lobes, gamma)),
+            rng.uniform(-0.8, 0.8, (n_lobes, beta)),
+            rng.uniform(-0.5, 1.5, (n_lobes, falloff)),
+            rng.uniform(-0.5, 0.5, (n_channels, n_lobes, colour)),
+        )
     )
+
+
+def constant_model(kappa, gamma, beta=0.0, falloff=0.0, tint=(1.0, 1.0, 1.0)):
+    """Lobes of one height, width, stretch and falloff (lobe,) at all theta_d; kappa times `tint` (channel,)."""
+    kappa, gamma, beta, falloff = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(part, dtype=float)) for part in (kappa, gamma, beta, falloff))
+    )
+    colour = np.log(np.asarray(tint))[:, None, None] * np.ones((len(kappa), 1))
+    parts = (np.log(kappa), np.log(gamma), beta, falloff)
+    return DSBRDF(Lobes(*(part[:, None].copy() for part in parts), colour))
+
+
+def curve(coefficients, x):
+    """Values (..., x) of curves (..., coefficient) at x: constants, lines, and clamped quadratic B-splines."""
+    coefficients = np.asarray(coefficients)
+    size = coefficients.shape[-1]
+    if size == 1:
+        return coefficients * np.ones_like(x)
+    degree = min(size - 1, 2)
+    knots = np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, size - degree + 1), np.ones(degree)])
+    return np.moveaxis(BSpline(knots, np.moveaxis(coefficients, -1, 0), degree)(x), 0, -1)
+
+
+def by_angles(lobes, theta_h, theta_d, phi_d):
+    """The formula of the model, written out: values (n, channel) at angles (n,)."""
+    x, cosine = np.cos(theta_d), np.cos(theta_h)
+    scale, gamma, beta, falloff = (
+        curve(part, x) for part in (lobes.scale, lobes.gamma, lobes.beta, lobes.falloff)
+    )
+    stretch = np.exp(beta * half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d))
+    kappa = np.exp(scale + curve(lobes.colour, x))
+    return (np.expm1(kappa * cosine ** np.exp(gamma)) * cosine**falloff * stretch).sum(1).T
 
 
 def upper(rng, *shape):
@@ -27,8 +66,7 @@ def upper(rng, *shape):
 
 
 def twin_eval(model, wi, wo):
-    parameters = (model.kappa, model.gamma, model.beta, model.spike)
-    return evaluate_any(wi, wo, model.theta_d, *parameters)
+    return evaluate_any(model.lobes, wi, wo)
 
 
 def near(wi, rng, size):
