@@ -90,9 +90,10 @@ def _curve(xp: Any, coefficients: Any, x: Any) -> Any:
     spans = size - 2
     at = x[:, 0] * spans
     # The spans of x, as knots passed: no library's rounding or casting of gradients
-    span = xp.zeros(at.shape, dtype=xp.int64, device=_device(at))
+    # Of 32 bits, as JAX has no more by default
+    span = xp.zeros(at.shape, dtype=xp.int32, device=_device(at))
     for knot in range(1, spans):
-        span = span + xp.astype(at >= knot, xp.int64)
+        span = span + xp.astype(at >= knot, xp.int32)
     u = (at - xp.astype(span, at.dtype))[:, None]
     one, half = xp.ones_like(u), 0.5 * xp.ones_like(u)
     low = (1.0 - u) ** 2 * xp.where((span == 0)[:, None], one, half)

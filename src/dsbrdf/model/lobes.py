@@ -154,7 +154,8 @@ class Lobes:
 
     def take(self, lobes: Any) -> Lobes:
         """Some of the lobes: `lobes` is an index, a slice or a list of indices."""
-        index = [lobes] if isinstance(lobes, int) else lobes
+        # An array, as JAX takes no list
+        index = lobes if isinstance(lobes, slice) else np.atleast_1d(np.asarray(lobes))
         return Lobes(
             self.scale[index], self.gamma[index], self.beta[index], self.falloff[index], self.colour[:, index]
         )
