@@ -35,13 +35,16 @@ def test_a_table_in_npz_comes_back(damaged_table, tmp_path):
 def test_samples_in_npz_come_back(tmp_path):
     wi = np.array([[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]])
     for weights in (None, np.array([0.5, 2.0])):
-        samples = Samples("s", wi, wi[::-1], [[1.0, np.nan], [0.0, 2.0]], weights)
+        samples = Samples(
+            wi, wi[::-1], [[1.0, np.nan], [0.0, 2.0]], name="s", weights=weights, channels=("x", "450nm")
+        )
         write_npz(samples, tmp_path / "s.npz")
         back = read(tmp_path / "s.npz")
         assert isinstance(back, Samples)
         assert_array_equal(back.values, samples.values)
         assert_allclose(back.wo, samples.wo, atol=1e-15)
         assert_array_equal(back.weights, weights)
+        assert tuple(back.channels) == ("x", "450nm")
 
 
 def test_angles_of_an_npz_table_default_to_cells(tmp_path):
@@ -154,7 +157,7 @@ def test_any_number_of_channels_goes_from_a_file_to_a_model_and_back(make_table,
     table = make_table(n)
     write_npz(table, tmp_path / "t.npz")
     path = tmp_path / "small.json"
-    assert cli.main(["fit", str(tmp_path / "t.npz"), "-o", str(tmp_path), "--lobes", "2", "--json"]) == 0
+    assert cli.main(["fit", str(tmp_path / "t.npz"), "-o", str(tmp_path), "--lobes", "3", "--json"]) == 0
     assert cli.main(["info", str(path)]) == 0
     capsys.readouterr()
     model = load(path)

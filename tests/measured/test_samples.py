@@ -84,14 +84,17 @@ def test_any_number_of_channels(write, n):
     samples = read(write(f"{header}\n30,45,180,{','.join(map(str, range(n)))}\n"))
     assert_array_equal(samples.values, [np.arange(n)])
     assert samples.n_channels == n
+    assert list(samples.channels) == header.split(",")[3:]
 
 
 def test_weights_and_standard_deviations(write):
     start = "theta_i_deg,theta_o_deg,phi_o_deg,value"
     assert_array_equal(read(write(f"{start},weight\n1,2,3,4,0.5\n1,2,3,4,0\n")).weights, [0.5, 0.0])
-    samples = read(write(f"{start},std\n1,2,3,4,0.5\n1,2,3,4,2\n"))
-    assert_array_equal(samples.weights, [4.0, 0.25])
-    assert_array_equal(samples.values, [[4.0], [4.0]])
+    samples = read(write(f"{start},std\n1,2,3,4,0.4\n1,2,3,4,1\n1,2,3,4,1e-9\n1,2,3,4,9\n"))
+    # Inverse squares of the relative error, which is at least 0.02 and at most 1
+    assert_allclose(samples.weights, 0.02**2 / (np.array([0.1, 0.25, 0.0, 1.0]) ** 2 + 0.02**2))
+    assert_array_equal(samples.values, np.full((4, 1), 4.0))
+    assert tuple(samples.channels) == ("value",)
     assert repr(samples).endswith("1 channels, weighted)")
 
 
@@ -211,7 +214,7 @@ def test_columns_may_be_arrays(tmp_path):
     samples = read(path)
     assert_allclose(samples.wi, direction(np.deg2rad([10, 20]), 0.0))
     assert_array_equal(samples.values, [[1.0], [2.0]])
-    assert_array_equal(samples.weights, [4.0, 4.0])
+    assert_allclose(samples.weights, 0.02**2 / (np.array([0.5, 0.25]) ** 2 + 0.02**2))
 
 
 @pytest.mark.parametrize(

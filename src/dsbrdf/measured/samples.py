@@ -167,10 +167,9 @@ def _parts(columns: Mapping[str, Any]) -> tuple[Array, Array, Array, Array | Non
     values = np.stack([np.asarray(value, float) for value in channels.values()], axis=-1)
     if std is not None:
         # Relative variance, and no sample is better than the model can be
-        bright = np.abs(np.nanmean(np.where(np.isfinite(values), values, np.nan), axis=1))
-        weights = (
-            1.0 / ((std / np.maximum(np.nan_to_num(bright), std)) ** 2 + LEAST_ERROR**2) * LEAST_ERROR**2
-        )
+        seen = np.isfinite(values)
+        bright = np.abs(np.where(seen, values, 0.0).sum(1)) / np.maximum(seen.sum(1), 1)
+        weights = LEAST_ERROR**2 / ((std / np.maximum(bright, std)) ** 2 + LEAST_ERROR**2)
     return wi, wo, values, weights, tuple(channels)
 
 

@@ -136,6 +136,7 @@ def read_npz(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF | 
     if "theta_h" in arrays and "values" in arrays:
         return _table(arrays, path, convention)
     name = str(arrays.pop("name", path.stem))
+    labels = arrays.pop("channels", np.empty(0, "U1")).ravel().tolist()
     columns: dict[str, Any] = {}
     for key, array in arrays.items():
         whole = key in ("wi", "wo", "values")
@@ -147,7 +148,8 @@ def read_npz(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF | 
         if key in ("wi", "wo"):
             columns |= {f"{key}_{axis}": part for axis, part in zip("xyz", parts, strict=False)}
         elif key == "values":
-            columns |= {f"values {i}": part for i, part in enumerate(parts)}
+            names = labels if len(set(labels)) == len(parts) else [f"values {i}" for i in range(len(parts))]
+            columns |= {str(label): part for label, part in zip(names, parts, strict=True)}
         else:
             columns["weight" if key == "weights" else key] = array
     if len({len(column) for column in columns.values()}) > 1:
@@ -201,6 +203,8 @@ def write_npz(measured: MeasuredBRDF | Samples, path: str | Path) -> None:
     arrays: dict[str, Any] = {"name": np.array(measured.name), "values": measured.values}
     if isinstance(measured, Samples):
         arrays |= {"wi": measured.wi, "wo": measured.wo}
+        if len(measured.channels):
+            arrays["channels"] = np.array(list(measured.channels))
         if measured.weights is not None:
             arrays["weights"] = measured.weights
     else:
