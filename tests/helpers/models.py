@@ -87,3 +87,12 @@ def awkward_pairs(rng):
         pairs += [(w, near(w, rng, size)), (w, near(mirror, rng, size)), (flat, near(-flat, rng, size))]
         pairs += [(pole, near(pole, rng, size))]
     return tuple(np.concatenate(side) for side in zip(*pairs, strict=True))
+
+
+def known_model():
+    """Two lobes of the standard sizes, a body and a highlight, with colours of their own."""
+    scale = [[-1.2, -1.1, -1.0, -1.0, -1.05, -1.1], [0.9, 0.8, 0.7, 0.6, 0.6, 0.6]]
+    gamma = np.log([[1.2, 1.1, 1.0, 1.0], [60.0, 80.0, 90.0, 100.0]])
+    beta = [[0.1, 0.0, -0.1], [0.3, 0.2, 0.1]]
+    colour = np.multiply.outer([1.0, 0.0, -1.0], [[0.2, 0.2], [0.05, 0.1]])
+    return DSBRDF(Lobes(scale, gamma, beta, [[0.3], [0.0]], colour), name="known")
