@@ -52,7 +52,7 @@ def test_values_of_a_cell_stay_positive():
         theta_h, theta_d, phi_d = half_diff.from_directions(wi, wo)
         return (np.maximum(np.cos(2.0 * phi_d), 0.0) ** 8 + 1e-6 + 0.0 * theta_h)[..., None]
 
-    table = tabulate(swinging, shape=(12, 18, 20))
+    table = tabulate(swinging, "swinging", shape=(12, 18, 20))
     found = Observations.of(table)
     some = found.weights[:, 0, 0] > 0.0
     values = found.values[some, :, 0]
@@ -103,11 +103,17 @@ def test_samples_are_positions(rng):
     np.testing.assert_allclose(found.azimuth, azimuth[:, None])
     np.testing.assert_array_equal(found.weights[:, 0] > 0.0, np.isfinite(values))
     assert found.n_effective == 59.0
-    # Twice the weight, twice the pull
-    weights = np.ones(60)
+
+
+def test_a_sample_counts_as_its_weight_says(rng):
+    wi, wo = upper(rng, 60), upper(rng, 60)
+    values, weights = rng.random((60, 2)), np.ones(60)
     weights[7] = 2.0
-    twice = Observations.of(Samples(wi, wo, np.nan_to_num(values, nan=-1.0) * 0.0 + 1.0, weights=weights))
-    np.testing.assert_allclose(twice.weights[7] / twice.weights[8], [2.0, 2.0], rtol=0.5)
+    plain, twice = (
+        Observations.of(Samples(wi, wo, values, weights=w)).weights[:, 0] for w in (np.ones(60), weights)
+    )
+    ratio = twice / plain
+    assert (ratio[7] > 1.2 * np.delete(ratio, 7, axis=0)).all()
 
 
 def test_nothing_valid_is_said(small_table):
@@ -129,7 +135,9 @@ def test_lobes_of_unknowns(sizes, n_channels):
     if n_channels > 1:
         for part, expected in zip(back.at(theta_d), lobes.at(theta_d), strict=True):
             np.testing.assert_allclose(part, expected, rtol=1e-10, atol=1e-12)
-        np.testing.assert_allclose(back.colour.mean(0), 0.0, atol=1e-14)
+        # Unless the scale's curve cannot hold what is common to the colours
+        if sizes[-1] <= 3:
+            np.testing.assert_allclose(back.colour.mean(0), 0.0, atol=1e-14)
     else:
         np.testing.assert_array_equal(back.scale, lobes.scale)
         assert back.colour.shape == (1, lobes.n_lobes, sizes[-1])
@@ -150,7 +158,7 @@ def test_kernel_equals_its_twin(loss, sizes, n_channels, make_table):
         lobes = lobes.replace(colour=0.0 * lobes.colour)
     x = unknowns_of(lobes)
     how = _Options(sizes, loss, observations.offset.tolist(), PENALTY, observations.n_effective)
-    cost, gradient, hessian = observations.kernel.normal_equations(how, 2, x.tolist())
+    cost, gradient, _ = observations.kernel.normal_equations(how, 2, x.tolist())
 
     weights = observations.weights / observations.weights.sum()
     residual, jacobian = uncertainty.linearise(lobes, observations, loss)
@@ -158,9 +166,31 @@ def test_kernel_equals_its_twin(loss, sizes, n_channels, make_table):
     np.testing.assert_allclose(cost, 0.5 * (weights * residual**2).sum() + 0.5 * x @ held @ x, rtol=1e-9)
     expected = np.einsum("nkc,nkcp->p", weights * residual, jacobian) + held @ x
     np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max())
-    # Functions of curves are taken at the middles of bins of x there
-    squares = np.einsum("nkc,nkcp,nkcq->pq", weights, jacobian, jacobian, optimize=True) + held
-    np.testing.assert_allclose(np.reshape(hessian, squares.shape), squares, atol=0.05 * np.abs(squares).max())
+
+
+@pytest.mark.parametrize("loss", ["log", "gamma", "l2"])
+@pytest.mark.parametrize("sizes", SIZES)
+def test_hessian_equals_its_twin(loss, sizes, rng):
+    """At few x: the kernel takes functions of curves at the middles of bins of x."""
+    n = 400
+    observations = Observations(
+        -rng.exponential(0.1, n),
+        np.repeat([0.15, 0.45, 0.75, 0.98], n // 4),
+        rng.uniform(-1.0, 1.0, (n, 2)),
+        np.exp(rng.normal(size=(n, 2, 3))),
+        rng.uniform(0.0, 1.0, (n, 2, 3)),
+        400.0,
+    )
+    lobes = random_model(7, sizes, 3, 2).lobes
+    how = _Options(sizes, loss, observations.offset.tolist(), PENALTY, observations.n_effective)
+    hessian = observations.kernel.normal_equations(how, 2, unknowns_of(lobes).tolist())[2]
+    weights = observations.weights / observations.weights.sum()
+    _, jacobian = uncertainty.linearise(lobes, observations, loss)
+    expected = np.einsum("nkc,nkcp,nkcq->pq", weights, jacobian, jacobian, optimize=True)
+    expected += uncertainty.penalty_matrix(lobes, PENALTY)
+    np.testing.assert_allclose(
+        np.reshape(hessian, expected.shape), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("loss", ["log", "gamma", "l2"])
@@ -180,7 +210,7 @@ def test_the_gradient_is_that_of_the_cost(loss, small_table):
 
 def test_residuals_vanish_at_the_truth():
     model = known(beta=False)
-    observations = Observations.of(tabulate(model.eval, shape=SMALL))
+    observations = Observations.of(tabulate(model.eval, "known", shape=SMALL))
     for loss in ("log", "gamma", "l2"):
         residual, _ = uncertainty.linearise(model.lobes, observations, loss)
         assert np.abs(residual[observations.weights > 0.0]).max() < 1e-9
