@@ -85,7 +85,7 @@ def unknowns_of(lobes: Lobes) -> Array:
 
 
 def lobes_of(x: Array, sizes: tuple[int, ...], n_lobes: int, n_channels: int) -> Lobes:
-    """Lobes of unknowns, from flat to sharp; the colours of a lobe add up to zero."""
+    """Lobes of unknowns, from flat to sharp; the colours of a lobe add up to zero where its scale can hold their mean."""
     *shared_sizes, n_colour = sizes
     n_shared = n_lobes * sum(shared_sizes)
     shared = np.split(x[:n_shared].reshape(n_lobes, -1), np.cumsum(shared_sizes)[:-1], axis=1)
@@ -93,9 +93,11 @@ def lobes_of(x: Array, sizes: tuple[int, ...], n_lobes: int, n_channels: int) ->
     colour = np.zeros((n_channels, n_lobes, n_colour))
     if n_channels > 1:
         colour = x[n_shared:].reshape(n_channels, n_lobes, n_colour)
-        mean = colour.mean(0)
-        colour = colour - mean
-        scale += _as_size(mean, scale.shape[1])
+        n_scale = scale.shape[1]
+        if n_colour == n_scale or n_colour <= min(n_scale, 3):
+            mean = colour.mean(0)
+            colour = colour - mean
+            scale += _as_size(mean, n_scale)
     order = np.argsort(gamma.mean(1), kind="stable")
     return Lobes(scale[order], gamma[order], beta[order], falloff[order], colour[:, order])
 
