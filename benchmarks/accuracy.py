@@ -2,8 +2,8 @@
 
     python benchmarks/accuracy.py DIR OUT [--every N]        DIR holds MERL `.binary` or RGL `.bsdf` files
 
-Writes `accuracy.md`, a table of medians over materials and the worst of ours, and `accuracy.png`, error against numbers,
-to OUT. rel, cbrt and log (`dsbrdf.fitting.metrics`, but log adds 1e-4/sr) are over pairs of directions uniform on both
+Writes to OUT `accuracy.md`, a table of medians over materials and the worst, and `accuracy.png`, error against numbers.
+rel, cbrt and log (`dsbrdf.fitting.metrics`, but log adds 1e-4/sr) are over pairs of directions uniform on both
 hemispheres below 80 degrees; of an RGL file, against the measurement itself, in both orders, and not its table. The
 error of the albedo is the largest at 5, 30, 60 and 75 degrees. A material takes about 10 s on two cores.
 """
