@@ -125,14 +125,15 @@ def test_a_body_needs_one_lobe():
 
 
 def test_a_prior_decides_where_there_are_no_samples(rng):
-    """One sample and a prior around a model: that model, but for its brightness."""
+    """Thirty noisy samples and a prior around a model: that model."""
     lobes = known_model().lobes
     mean = unknowns_of(lobes)
     sizes = tuple(part.shape[-1] for part in lobes.parts)
     prior = Gaussian(sizes, 2, mean, 100.0 * np.eye(len(mean)), ("r", "g", "b"))
     wi, wo = upper(rng, 30), upper(rng, 30)
     model = known_model()
-    found = fit(Samples(wi, wo, 1.05 * model.eval(wi, wo)), prior=prior)
+    noise = np.exp(0.02 * rng.normal(size=(30, 3)))
+    found = fit(Samples(wi, wo, model.eval(wi, wo) * noise), prior=prior)
     assert found.model.n_lobes == 2
     assert found.model.fit_options["prior"] is True
     assert log_error(found.model, model.eval, upper(rng, 500), upper(rng, 500)) < 0.1
