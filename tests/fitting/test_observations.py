@@ -118,7 +118,9 @@ def test_a_sample_counts_as_its_weight_says(rng):
 
 def test_nothing_valid_is_said(small_table):
     empty = Samples([[0.0, 0.0, 1.0]], [[0.0, 0.0, 1.0]], [[np.nan]], name="empty")
-    with pytest.raises(ValueError, match=r"^empty: no value is valid\. Check that it holds positive values in 1/sr"):
+    with pytest.raises(
+        ValueError, match=r"^empty: no value is valid\. Check that it holds positive values in 1/sr"
+    ):
         Observations.of(empty)
 
 

@@ -1,90 +1,137 @@
-"""Standard errors and bands against repeated measurements."""
+"""How certain a fit is: the posterior, its derivatives, and how often its bands hold the truth."""
 
 import numpy as np
 import pytest
-from models import known_model, upper
+from fits import known, pairs
+from models import random_model
 
-from dsbrdf import Samples, fit, tabulate
+from dsbrdf import Samples, fit, half_diff
+from dsbrdf.fitting import uncertainty
+from dsbrdf.fitting.estimator import lobes_of, unknowns_of
+from dsbrdf.space import Gaussian
 
-REPETITIONS = 10
+SIZES = (5, 4, 3, 1, 2)
+ANGLES = np.deg2rad([10.0, 30.0, 50.0, 65.0])
 
 
 @pytest.fixture(scope="module")
-def pairs():
-    """Directions within 80 degrees of the normal."""
-    rng = np.random.default_rng(8)
-    wi, wo = upper(rng, 1000), upper(rng, 1000)
-    inside = np.minimum(wi, wo)[:, 2] > np.cos(np.deg2rad(80.0))
-    return wi[inside], wo[inside]
+def noisy():
+    """Fits of 20 lots of 1,500 samples with noise of 2 %."""
+    fits = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        wi, wo = pairs(rng, 1500)
+        values = known().eval(wi, wo) * np.exp(0.02 * rng.normal(size=(1500, 3)))
+        fits.append(fit(Samples(wi, wo, values), 2, max_iterations=400))
+    return fits
 
 
-def noisy(kind, seed):
-    """`known_model` measured with 2 % of noise."""
-    rng = np.random.default_rng(seed)
-    model = known_model()
-
-    def measured(wi, wo):
-        value = model.eval(wi, wo)
-        return value * np.exp(0.02 * rng.normal(size=value.shape))
-
-    if kind == "table":
-        return tabulate(measured, "noisy", shape=(30, 24, 24))
-    wi, wo = upper(rng, 1500), upper(rng, 1500)
-    return Samples(wi, wo, measured(wi, wo))
-
-
-@pytest.mark.parametrize("kind", ["table", "samples"])
-def test_bands_hold_values_as_often_as_they_say(kind, pairs):
-    """Of 95 %, 88 to 99 % over ten measurements and some 670 pairs of directions, whose errors go together."""
-    truth = known_model().eval(*pairs)
-    held = []
-    for seed in range(REPETITIONS):
-        lower, upper_bound = fit(noisy(kind, seed), 2).band(*pairs)
-        held.append(((lower <= truth) & (truth <= upper_bound)).mean())
-    assert 0.88 < np.mean(held) < 0.99
+def test_derivatives_of_values(rng):
+    lobes = random_model(2, n_lobes=2).lobes
+    n = 7
+    log_cos, x, azimuth = -rng.exponential(0.2, n), rng.random(n), rng.uniform(-1.0, 1.0, (n, 2))
+    value, jacobian = uncertainty.value_jacobian(lobes, log_cos, x, azimuth)
+    unknowns = unknowns_of(lobes)
+    order = np.argsort(lobes.gamma.mean(1), kind="stable")
+    lobes = lobes.take(order)
+    unknowns = unknowns_of(lobes)
+    value, jacobian = uncertainty.value_jacobian(lobes, log_cos, x, azimuth)
+    for i, step in enumerate(1e-6 * np.eye(len(unknowns))):
+        up, down = (
+            uncertainty.value_jacobian(lobes_of(unknowns + move, SIZES, 2, 3), log_cos, x, azimuth)[0]
+            for move in (step, -step)
+        )
+        np.testing.assert_allclose(jacobian[..., i], (up - down) / 2e-6, rtol=1e-5, atol=1e-6 * value.max())
 
 
-def test_deviations_are_those_of_repeated_fits(pairs):
-    fits = [fit(noisy("table", seed), 2) for seed in range(REPETITIONS)]
-    logs = np.log([found.model.eval(*pairs) for found in fits])
-    expected = np.median(fits[0].posterior.deviation(*pairs))
-    assert np.median(logs.std(0, ddof=1)) == pytest.approx(expected, rel=0.5)
-    np.testing.assert_allclose(
-        fits[0].std(*pairs), fits[0].model.eval(*pairs) * fits[0].posterior.deviation(*pairs)
+def test_values_are_those_of_the_model(rng):
+    model = random_model(2)
+    wi, wo = pairs(rng, 40)
+    theta_h, theta_d, phi_d = half_diff.from_directions(wi, wo)
+    azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
+    value, _ = uncertainty.value_jacobian(
+        model.lobes, half_diff.log_cos(theta_h), np.cos(theta_d), azimuth[:, None]
     )
+    np.testing.assert_allclose(value[:, 0], model.eval(wi, wo), rtol=1e-9)
 
 
-def test_wider_bands_hold_more(pairs):
-    found = fit(noisy("table", 0), 2)
-    value = found.model.eval(*pairs)
-    bounds = [found.band(*pairs, level) for level in (0.5, 0.95)]
-    for lower, upper_bound in bounds:
-        assert (lower < value).all()
-        assert (value < upper_bound).all()
-        np.testing.assert_allclose(lower * upper_bound, value**2)
-    assert (bounds[1][0] < bounds[0][0]).all()
+def test_bands_of_values_hold_the_truth(noisy, rng):
+    wi, wo = pairs(rng, 300)
+    truth = known().eval(wi, wo)
+    held = []
+    for found in noisy:
+        low, high = found.band(wi, wo)
+        assert (low < high).all()
+        held.append((low < truth) & (truth < high))
+    assert 0.90 <= np.mean(held) <= 0.99
 
 
-def test_standard_errors_of_curves():
-    found = fit(noisy("table", 0), 2)
-    errors = found.standard_errors()
-    np.testing.assert_allclose(np.rad2deg(errors.theta_d), [0, 15, 30, 45, 60, 75])
+def test_standard_errors_of_curves_hold_the_truth(noisy):
+    truth = known().lobes.at(ANGLES)
+    held = []
+    for found in noisy:
+        errors, at = found.standard_errors(ANGLES), found.model.lobes.at(ANGLES)
+        held.append(np.abs(np.log(at.kappa / truth.kappa)).ravel() < 1.96 * errors.ln_kappa.ravel())
+        held.append(np.abs(np.log(at.gamma / truth.gamma)).ravel() < 1.96 * errors.ln_gamma.ravel())
+    assert 0.88 <= np.mean(np.concatenate(held)) <= 0.99
+
+
+def test_standard_errors_at_default_angles(noisy):
+    errors = noisy[0].standard_errors()
+    np.testing.assert_allclose(np.rad2deg(errors.theta_d), [0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
     assert errors.ln_kappa.shape == (6, 3, 2)
-    for part in (errors.ln_gamma, errors.beta, errors.falloff):
-        assert part.shape == (6, 2)
-        assert (part > 0.0).all()
-    # Gamma of the highlight is known to a few percent
-    assert errors.ln_gamma[:3, 1].max() < 0.05
-    assert 10.0 < found.posterior.n_decided < 60.0
-    with pytest.raises(ValueError, match=r"'theta_d' must lie in \[0, pi/2\] radians, got 20"):
-        found.standard_errors([20.0])
+    assert errors.ln_gamma.shape == errors.beta.shape == errors.falloff.shape == (6, 2)
+    with pytest.raises(ValueError, match=r"'theta_d' must lie in \[0, pi/2\] radians, got 30"):
+        noisy[0].standard_errors([30.0])
 
 
-def test_more_samples_are_more_certain(pairs):
-    deviations = []
-    for n in (300, 3000):
-        rng = np.random.default_rng(1)
-        wi, wo = upper(rng, n), upper(rng, n)
-        values = known_model().eval(wi, wo) * np.exp(0.02 * rng.normal(size=(n, 3)))
-        deviations.append(np.median(fit(Samples(wi, wo, values), 2).posterior.deviation(*pairs)))
-    assert deviations[1] < 0.7 * deviations[0]
+def test_twice_the_noise_is_twice_the_error():
+    rng = np.random.default_rng(3)
+    wi, wo = pairs(rng, 1500)
+    truth, noise = known().eval(wi, wo), rng.normal(size=(1500, 3))
+    small, large = (
+        fit(Samples(wi, wo, truth * np.exp(size * noise)), 2, max_iterations=400) for size in (0.02, 0.04)
+    )
+    ratio = large.std(wi[:200], wo[:200]) / small.std(wi[:200], wo[:200])
+    assert np.median(ratio) == pytest.approx(2.0, rel=0.1)
+
+
+def test_deviations_of_values_and_bands_agree(noisy, rng):
+    wi, wo = pairs(rng, 30)
+    found = noisy[0]
+    deviation = found.posterior.deviation(wi, wo)
+    value = found.model.eval(wi, wo)
+    np.testing.assert_allclose(found.std(wi, wo), value * deviation)
+    low, high = found.band(wi, wo, level=0.6826894921)
+    np.testing.assert_allclose(high, value * np.exp(deviation), rtol=1e-8)
+    np.testing.assert_allclose(low, value / np.exp(deviation), rtol=1e-8)
+    assert found.std(wi[0], wo[:5]).shape == (5, 3)
+    for level in (0.0, 1.0, 95):
+        with pytest.raises(ValueError, match=rf"'level' must be between 0 and 1, got {level}"):
+            found.band(wi, wo, level)
+
+
+def test_what_data_do_not_decide_keeps_the_spread_of_the_prior(rng):
+    """One sample, and a prior of one deviation: most of the unknowns are as uncertain as before."""
+    lobes = known().lobes
+    mean = unknowns_of(lobes)
+    prior = Gaussian((6, 4, 3, 1, 2), 2, mean, np.eye(len(mean)) / 0.3**2, ("r", "g", "b"))
+    wi, wo = pairs(rng, 1)
+    posterior = fit(Samples(wi, wo, known().eval(wi, wo)), prior=prior).posterior
+    spread = np.sqrt(np.diag(posterior.covariance))
+    assert (spread <= 0.3 * (1.0 + 1e-9)).all()
+    assert (spread > 0.29).sum() > 20
+    assert 0.0 < posterior.n_decided < 4.0
+
+
+def test_data_decide_what_they_cover(noisy):
+    n = len(unknowns_of(noisy[0].model.lobes))
+    assert n == 40
+    # What is common to the colours of a lobe is part of its scale
+    assert all(30.0 < found.posterior.n_decided <= 36.0 for found in noisy)
+
+
+def test_too_many_unknowns_are_refused(noisy, monkeypatch):
+    monkeypatch.setattr(uncertainty, "MAX_UNKNOWNS", 39)
+    with pytest.raises(ValueError, match=r"^40 unknowns are too many for their covariance, 39 at most\. Fit fewer"):
+        uncertainty.posterior(noisy[0].observations, noisy[0].estimate)
