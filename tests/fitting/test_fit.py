@@ -197,7 +197,9 @@ def test_a_strong_prior_stays_where_it_is(rng):
 
 def test_a_prior_of_other_channels_is_refused(rng):
     wi, wo = pairs(rng, 20)
-    with pytest.raises(ValueError, match=r"measurement of 1 channels does not go with this prior of 40 unknowns"):
+    with pytest.raises(
+        ValueError, match=r"measurement of 1 channels does not go with this prior of 40 unknowns"
+    ):
         fit(Samples(wi, wo, np.ones((20, 1))), prior=gaussian(known().lobes, 1.0))
 
 
@@ -259,7 +261,9 @@ def test_what_a_model_carries(rng):
 
 
 def test_running_out_of_iterations_is_said():
-    with pytest.warns(ConvergenceWarning, match=r"^rough-gold: the search ended after 1 iterations and may not be at"):
+    with pytest.warns(
+        ConvergenceWarning, match=r"^rough-gold: the search ended after 1 iterations and may not be at"
+    ):
         found = fit(built_in("rough-gold"), 3, max_iterations=1)
     assert not found.converged
 
@@ -270,7 +274,9 @@ def test_running_out_of_iterations_is_said():
 @pytest.mark.parametrize("measured", ["gold.binary", np.ones((3, 3)), None])
 def test_what_is_no_measurement_is_refused(measured):
     kind = type(measured).__name__
-    with pytest.raises(TypeError, match=rf"^'measured' must be a MeasuredBRDF or Samples, got {kind}\. dsbrdf\.read"):
+    with pytest.raises(
+        TypeError, match=rf"^'measured' must be a MeasuredBRDF or Samples, got {kind}\. dsbrdf\.read"
+    ):
         fit(measured)
 
 

@@ -133,5 +133,7 @@ def test_data_decide_what_they_cover(noisy):
 
 def test_too_many_unknowns_are_refused(noisy, monkeypatch):
     monkeypatch.setattr(uncertainty, "MAX_UNKNOWNS", 39)
-    with pytest.raises(ValueError, match=r"^40 unknowns are too many for their covariance, 39 at most\. Fit fewer"):
+    with pytest.raises(
+        ValueError, match=r"^40 unknowns are too many for their covariance, 39 at most\. Fit fewer"
+    ):
         uncertainty.posterior(noisy[0].observations, noisy[0].estimate)
