@@ -41,6 +41,11 @@ def main():
     fit = dsbrdf.fit(samples)
     print(samples)
     print(f"{fit.model}, {fit.errors}")
+    if fit.coverage.sentence:
+        print(fit.coverage.sentence)
+    low, high = fit.band([np.sqrt(0.5), 0.0, np.sqrt(0.5)], [0.0, 0.0, 1.0])
+    bounds = zip(fit.model.channels, low, high, strict=True)
+    print("95 % at 45 degrees, normal view:", ", ".join(f"{c} {a:.4f} to {b:.4f}" for c, a, b in bounds))
     fit.model.save(path.with_suffix(".json"))
 
 

@@ -17,7 +17,17 @@ from dsbrdf.cli import _report as report
 
 SRC = Path(dsbrdf.__file__).parents[1]
 ERRORS = {"rel", "cbrt", "log", "albedo", "bivariate_floor", "azimuthal_floor"}
-OTHERS = {"name", "n_lobes", "n_parameters", "channels", "converged", "objective", "coverage", "seconds", "criteria"}
+OTHERS = {
+    "name",
+    "n_lobes",
+    "n_parameters",
+    "channels",
+    "converged",
+    "objective",
+    "coverage",
+    "seconds",
+    "criteria",
+}
 HEAVY = {"matplotlib", "scipy", "rich.table", "dsbrdf.plot", "dsbrdf.fitting"}
 
 
@@ -120,7 +130,9 @@ def test_fit_of_one_material_says_why_so_many_lobes(run, gold_file):
     criteria = dsbrdf.fit(dsbrdf.read(gold_file)).estimate.criteria
     table = out[out.index("BIC") :].splitlines()[2:]
     rows = [line.split(maxsplit=2) for line in table if line.strip()]
-    assert [row[:2] for row in rows] == [[f"{k}", f"{value:.0f}"] for k, value in enumerate(criteria, start=1)]
+    assert [row[:2] for row in rows] == [
+        [f"{k}", f"{value:.0f}"] for k, value in enumerate(criteria, start=1)
+    ]
     assert [row[0] for row in rows if row[2:] == ["chosen: lowest"]] == [f"{criteria.argmin() + 1}"]
     assert "BIC" not in run("fit", gold_file, gold_file)[1]
     assert "BIC" not in run("fit", gold_file, "--lobes", 2)[1]

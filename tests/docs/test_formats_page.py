@@ -34,6 +34,8 @@ def test_the_page_runs_from_top_to_bottom(folder, capsys):
     for language, code in blocks:
         if language == "python":
             exec(compile(code, str(PAGE), "exec"), {})
+            out = capsys.readouterr().out
+            assert out.startswith(("measured: theta_d only", "back.binary: relative RMS"))
             continue
         for line in code.splitlines():
             assert cli.main(shlex.split(line)[1:]) == 0
@@ -55,7 +57,8 @@ def test_a_scan_becomes_a_model(tmp_path, monkeypatch, capsys):
     example(monkeypatch, "csv_scan.py")
     out = capsys.readouterr().out
     assert out.startswith("Samples('scan', 200 pairs of directions, 3 channels, weighted)\n")
-    assert float(re.search(r"relative RMS ([\d.]+)", out)[1]) < 0.05
+    assert float(re.search(r"rel ([\d.]+)", out)[1]) < 0.05
+    assert "95 % at 45 degrees, normal view: r 0." in out
     assert dsbrdf.load("scan.json").name == "scan"
     example(monkeypatch, "csv_scan.py", "scan.csv")
     assert capsys.readouterr().out == out
