@@ -34,6 +34,8 @@ MAX_UNKNOWNS = 3000
 CHUNK = 1000
 #: Differences of logarithms above this count linearly in the gamma deviance; as in the kernel.
 MAX_LOG_RATIO = 3.0
+#: Nothing is measured better than to this squared relative error; less would drown the penalty and the prior in rounding.
+LEAST_SQUARES = 1e-10
 #: Least share of its own noise that a residual is taken to show.
 LEAST_SHARE = 0.02
 
@@ -265,7 +267,7 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
         _, jacobian = linearise(lobes, observations, found.options.loss, part)
         weighted = jacobian * weights[part][..., None]
         hessian += np.einsum("nkcp,nkcq->pq", weighted, jacobian, optimize=True)
-    precision = found.options.n_effective / max(found.squares, 1e-22)
+    precision = found.options.n_effective / max(found.squares, LEAST_SQUARES)
     prior = found.prior
     held = penalty_matrix(lobes, found.options.penalty) if prior is None else prior.precision
     inverse = np.linalg.pinv(precision * hessian + held, rcond=1e-14, hermitian=True)
