@@ -85,7 +85,7 @@ def unknowns_of(lobes: Lobes) -> Array:
 
 
 def lobes_of(x: Array, sizes: tuple[int, ...], n_lobes: int, n_channels: int) -> Lobes:
-    """Lobes of unknowns, from flat to sharp; the colours of a lobe add up to zero where its scale can hold their mean."""
+    """Lobes of unknowns, from flat to sharp; colours add up to zero where the scale of a lobe can hold their mean."""
     *shared_sizes, n_colour = sizes
     n_shared = n_lobes * sum(shared_sizes)
     shared = np.split(x[:n_shared].reshape(n_lobes, -1), np.cumsum(shared_sizes)[:-1], axis=1)

@@ -2,10 +2,9 @@
 
 The covariance of the unknowns is `H^-1 (M + P) H^-1`, with H the Hessian of the posterior, M the sum of squares of the
 scores of single positions, and P the curvature of the penalty or of the prior: residuals that differ in size from place
-to place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986), each divided
-by what its leverage leaves of it (MacKinnon and White 1985). What the
-data do not decide keeps the spread of P. It speaks of noise in the measurement, not of what the model cannot describe
-elsewhere.
+to place, or that the channels of a position share, are counted as they are (White 1980; Liang and Zeger 1986), each
+divided by what its leverage leaves of it (MacKinnon and White 1985). What the data do not decide keeps the spread of P.
+It speaks of noise in the measurement, not of what the model cannot describe elsewhere.
 
 `linearise` is the readable twin of the kernel's residuals and derivatives, and what they are tested against.
 """
@@ -34,7 +33,7 @@ MAX_UNKNOWNS = 3000
 CHUNK = 1000
 #: Differences of logarithms above this count linearly in the gamma deviance; as in the kernel.
 MAX_LOG_RATIO = 3.0
-#: Nothing is measured better than to this squared relative error; less would drown the penalty and the prior in rounding.
+#: Least square of a relative error of measurement; less would drown the penalty and the prior in rounding.
 LEAST_SQUARES = 1e-10
 #: Least share of its own noise that a residual is taken to show.
 LEAST_SHARE = 0.02
