@@ -1,5 +1,6 @@
 """The fit: known models come back, more lobes are never worse, samples, priors, threads, arguments."""
 
+import dataclasses
 import os
 import pickle
 import subprocess
@@ -43,6 +44,17 @@ def test_recovery_from_samples(rng):
         np.testing.assert_allclose(part, expected, atol=1e-7)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_recovery_from_any_samples(seed):
+    """The search may end a little before the minimum."""
+    model = known()
+    rng = np.random.default_rng(seed)
+    wi, wo = pairs(rng, 2000)
+    found = fit(Samples(wi, wo, model.eval(wi, wo)), 2, max_iterations=400)
+    np.testing.assert_allclose(found.model.eval(wi, wo), model.eval(wi, wo), rtol=1e-3)
+    assert found.errors.rel < 1e-4
+
+
 def test_recovery_from_a_table(rng):
     model = known(beta=False)
     found = fit(tabulate(model.eval, "known", shape=SMALL), 2, max_iterations=400)
@@ -58,11 +70,10 @@ def test_recovery_from_a_table_with_azimuth(rng):
 
 
 def test_recovery_of_one_channel_and_many(rng):
-    model = known()
+    model = known(beta=False)
     for channels in ([1], [0, 1, 2, 0, 1, 2, 1]):
         truth = model.replace(lobes=model.lobes.replace(colour=model.lobes.colour[channels]), channels=())
-        wi, wo = pairs(rng, 2000)
-        found = fit(Samples(wi, wo, truth.eval(wi, wo)), 2, max_iterations=400)
+        found = fit(tabulate(truth.eval, "known", shape=SMALL), 2, max_iterations=400)
         assert found.model.n_channels == len(channels)
         assert off(found.model, truth.eval, rng) < 1e-6
 
@@ -130,7 +141,7 @@ def same_at_all_angles(wi, wo):
     ("theta_o", "theta_i", "sentence"),
     [
         (0.0, np.arange(0.0, 90.0), "theta_d only 0 to 44 degrees; theta_h only 0 to 44 degrees; 20% of"),
-        (45.0, np.arange(-80.0, 81.0), "theta_d only 0 to 62 degrees; "),
+        (45.0, np.arange(-80.0, 81.0), "theta_d only 0 to 63 degrees; "),
     ],
 )
 def test_one_scan_in_a_plane(theta_o, theta_i, sentence, rng):
@@ -155,7 +166,7 @@ def test_coverage_of_a_whole_table_and_of_parts(rng):
     assert whole.empty_channels == ()
     assert "only" not in whole.sentence
     wi, wo = pairs(rng, 200)
-    values = np.ones((200, 3))
+    values = 0.2 * np.exp(0.02 * rng.normal(size=(200, 3)))
     values[:, 1] = np.nan
     found = fit(Samples(wi, wo, values), 1)
     assert found.coverage.empty_channels == (1,)
@@ -178,7 +189,7 @@ def test_a_prior_says_what_few_samples_do_not(rng):
     prior = gaussian(model.lobes, 0.3)
     moved = model.replace(lobes=model.lobes.replace(scale=model.lobes.scale + 0.2))
     wi, wo = pairs(rng, 20)
-    samples = Samples(wi, wo, moved.eval(wi, wo))
+    samples = Samples(wi, wo, moved.eval(wi, wo) * np.exp(0.02 * rng.normal(size=(20, 3))))
     found = fit(samples, prior=prior)
     assert found.model.n_lobes == 2
     assert found.model.fit_options["prior"] is True
@@ -191,6 +202,8 @@ def test_a_prior_says_what_few_samples_do_not(rng):
 def test_a_strong_prior_stays_where_it_is(rng):
     model = known()
     wi, wo = pairs(rng, 50)
+    # Among them the brightest, which bounds how high a lobe may be
+    wo[:25] = wi[:25] * [-1.0, -1.0, 1.0]
     found = fit(Samples(wi, wo, 2.0 * model.eval(wi, wo)), prior=gaussian(model.lobes, 1e-7))
     assert off(found.model, model.eval, rng) < 1e-3
 
@@ -261,10 +274,10 @@ def test_what_a_model_carries(rng):
 
 
 def test_running_out_of_iterations_is_said():
-    with pytest.warns(
-        ConvergenceWarning, match=r"^rough-gold: the search ended after 1 iterations and may not be at"
-    ):
-        found = fit(built_in("rough-gold"), 3, max_iterations=1)
+    measured = dataclasses.replace(built_in("rough-gold"), name="gold")
+    text = r"^gold: the search ended after 1 iterations and may not be at a minimum\. Allow more with"
+    with pytest.warns(ConvergenceWarning, match=text):
+        found = fit(measured, 3, max_iterations=1)
     assert not found.converged
 
 

@@ -49,7 +49,7 @@ def test_a_cell_has_the_moments_of_its_row(small_table):
 
 def test_values_of_a_cell_stay_positive():
     def swinging(wi, wo):
-        theta_h, theta_d, phi_d = half_diff.from_directions(wi, wo)
+        theta_h, _, phi_d = half_diff.from_directions(wi, wo)
         return (np.maximum(np.cos(2.0 * phi_d), 0.0) ** 8 + 1e-6 + 0.0 * theta_h)[..., None]
 
     table = tabulate(swinging, "swinging", shape=(12, 18, 20))
@@ -116,7 +116,7 @@ def test_a_sample_counts_as_its_weight_says(rng):
     assert (ratio[7] > 1.2 * np.delete(ratio, 7, axis=0)).all()
 
 
-def test_nothing_valid_is_said(small_table):
+def test_nothing_valid_is_said():
     empty = Samples([[0.0, 0.0, 1.0]], [[0.0, 0.0, 1.0]], [[np.nan]], name="empty")
     with pytest.raises(
         ValueError, match=r"^empty: no value is valid\. Check that it holds positive values in 1/sr"

@@ -28,12 +28,9 @@ def noisy():
 
 def test_derivatives_of_values(rng):
     lobes = random_model(2, n_lobes=2).lobes
+    lobes = lobes.take(np.argsort(lobes.gamma.mean(1)))
     n = 7
     log_cos, x, azimuth = -rng.exponential(0.2, n), rng.random(n), rng.uniform(-1.0, 1.0, (n, 2))
-    value, jacobian = uncertainty.value_jacobian(lobes, log_cos, x, azimuth)
-    unknowns = unknowns_of(lobes)
-    order = np.argsort(lobes.gamma.mean(1), kind="stable")
-    lobes = lobes.take(order)
     unknowns = unknowns_of(lobes)
     value, jacobian = uncertainty.value_jacobian(lobes, log_cos, x, azimuth)
     for i, step in enumerate(1e-6 * np.eye(len(unknowns))):
@@ -119,7 +116,7 @@ def test_what_data_do_not_decide_keeps_the_spread_of_the_prior(rng):
     wi, wo = pairs(rng, 1)
     posterior = fit(Samples(wi, wo, known().eval(wi, wo)), prior=prior).posterior
     spread = np.sqrt(np.diag(posterior.covariance))
-    assert (spread <= 0.3 * (1.0 + 1e-9)).all()
+    assert (spread <= 0.3 * (1.0 + 1e-5)).all()
     assert (spread > 0.29).sum() > 20
     assert 0.0 < posterior.n_decided < 4.0
 

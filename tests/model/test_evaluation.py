@@ -84,7 +84,9 @@ def test_half_vector_on_the_horizon(ln_gamma):
 def test_a_lobe_without_width_is_lambert(rng):
     model = constant_model(0.7, 1e-300, tint=(1.0, 0.5, 0.25))
     values = model.eval(upper(rng, 500), upper(rng, 500))
-    np.testing.assert_allclose(values, np.expm1(0.7 * np.array([[1.0, 0.5, 0.25]])).repeat(500, 0), rtol=1e-12)
+    np.testing.assert_allclose(
+        values, np.expm1(0.7 * np.array([[1.0, 0.5, 0.25]])).repeat(500, 0), rtol=1e-12
+    )
 
 
 def test_too_high_a_lobe_stays_finite():
@@ -171,7 +173,9 @@ def test_any_number_of_directions_and_channels(n_directions, n_channels, rng):
     np.testing.assert_allclose(model.eval(wi, wo), twin_eval(model, wi, wo), rtol=1e-11)
 
 
-@pytest.mark.parametrize("evaluate", [DSBRDF.eval, lambda model, wi, wo: twin_eval(model, *map(np.array, (wi, wo)))])
+@pytest.mark.parametrize(
+    "evaluate", [DSBRDF.eval, lambda model, wi, wo: twin_eval(model, *map(np.array, (wi, wo)))]
+)
 @pytest.mark.parametrize(
     ("wi", "text"),
     [

@@ -119,13 +119,19 @@ def test_lists_become_arrays():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"scale": np.zeros(3)}, r"'scale' must have shape \(lobe, coefficient\) with a coeff.*, got \(3,\)\."),
+        (
+            {"scale": np.zeros(3)},
+            r"'scale' must have shape \(lobe, coefficient\) with a coeff.*, got \(3,\)\.",
+        ),
         ({"scale": np.zeros((3, 0))}, r"'scale' must have shape .* got \(3, 0\)\."),
         ({"scale": 0.0}, r"'scale' must have shape .* got \(\)\."),
         ({"scale": None}, r"'scale' must have shape .* got \(\)\."),
         ({"gamma": np.zeros((2, 4))}, r"'gamma' must have .* as many lobes as 'scale', got \(2, 4\)\."),
         ({"beta": np.zeros((3, 4, 1))}, r"'beta' must have shape .* got \(3, 4, 1\)\."),
-        ({"colour": np.zeros((3, 2))}, r"'colour' must have shape \(channel, lobe, coefficient\).* got \(3, 2\)\."),
+        (
+            {"colour": np.zeros((3, 2))},
+            r"'colour' must have shape \(channel, lobe, coefficient\).* got \(3, 2\)\.",
+        ),
         ({"colour": np.zeros((3, 2, 2))}, r"'colour' must have shape .* got \(3, 2, 2\)\."),
         ({"colour": np.zeros((0, 3, 2))}, r"'colour' must have shape .* got \(0, 3, 2\)\."),
         ({"scale": np.full((3, 2), np.nan)}, r"'scale' must be finite, got nan at index \(0, 0\)\."),
