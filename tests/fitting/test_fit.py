@@ -1,6 +1,5 @@
 """The fit: known models come back, more lobes are never worse, samples, priors, threads, arguments."""
 
-import dataclasses
 import os
 import pickle
 import subprocess
@@ -188,14 +187,14 @@ def test_a_prior_says_what_few_samples_do_not(rng):
     model = known()
     prior = gaussian(model.lobes, 0.3)
     moved = model.replace(lobes=model.lobes.replace(scale=model.lobes.scale + 0.2))
-    wi, wo = pairs(rng, 20)
-    samples = Samples(wi, wo, moved.eval(wi, wo) * np.exp(0.02 * rng.normal(size=(20, 3))))
+    wi, wo = pairs(rng, 8)
+    samples = Samples(wi, wo, moved.eval(wi, wo) * np.exp(0.02 * rng.normal(size=(8, 3))))
     found = fit(samples, prior=prior)
     assert found.model.n_lobes == 2
     assert found.model.fit_options["prior"] is True
     assert found.estimate.criteria.size == 0
     with_prior = log_error(found.model, moved.eval, rng)
-    assert with_prior < 0.1
+    assert with_prior < 0.15
     assert with_prior < 0.5 * log_error(fit(samples).model, moved.eval, rng)
 
 
@@ -274,10 +273,11 @@ def test_what_a_model_carries(rng):
 
 
 def test_running_out_of_iterations_is_said():
-    measured = dataclasses.replace(built_in("rough-gold"), name="gold")
-    text = r"^gold: the search ended after 1 iterations and may not be at a minimum\. Allow more with"
+    text = (
+        r"the search ended after 1 iterations and may not be at a minimum\. Allow more with 'max_iterations'"
+    )
     with pytest.warns(ConvergenceWarning, match=text):
-        found = fit(measured, 3, max_iterations=1)
+        found = fit(built_in("rough-gold"), 3, max_iterations=1)
     assert not found.converged
 
 
