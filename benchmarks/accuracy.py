@@ -71,7 +71,7 @@ def draw(rows: dict[str, np.ndarray], path: Path) -> None:
     """Error against numbers: medians, and lines from the 10th to the 90th part of a hundred."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     for axes, name in zip(figure.subplots(1, 2), ("cbrt", "log"), strict=True):
         for label, row in rows.items():
             error = row[:, 1 + ERRORS.index(name)]
@@ -79,7 +79,7 @@ def draw(rows: dict[str, np.ndarray], path: Path) -> None:
             spread = [[middle - low], [high - middle]]
             axes.errorbar(np.median(row[:, 0]), middle, spread, fmt="o", capsize=3, label=label)
         axes.set(xscale="log", yscale="log", xlabel="numbers a material", ylabel=name)
-    axes.legend(fontsize=8)
+    figure.legend(*axes.get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=len(rows))
     figure.savefig(path, dpi=150)
 
 
