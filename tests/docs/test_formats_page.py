@@ -35,7 +35,7 @@ def test_the_page_runs_from_top_to_bottom(folder, capsys):
         if language == "python":
             exec(compile(code, str(PAGE), "exec"), {})
             out = capsys.readouterr().out
-            assert out.startswith(("measured: theta_d only", "back.binary: relative RMS"))
+            assert out.startswith(("measured: theta_d only", "nickel.bsdf: relative RMS"))
             continue
         for line in code.splitlines():
             assert cli.main(shlex.split(line)[1:]) == 0
