@@ -196,8 +196,10 @@ impl<'a> Problem<'a> {
             let n = self.shape.basis(curve).size;
             // Differences as those of a curve of six coefficients, so that finer curves may bend as much
             let spacing = 5.0 / (n.max(2) - 1) as f64;
+            // Channels go together over theta_d, unless the data say otherwise
+            let stiffness = if curve == COLOUR { slope } else { slope / spacing };
             for i in 1..n {
-                row(slope / spacing, &[(at + i - 1, -1.0), (at + i, 1.0)]);
+                row(stiffness, &[(at + i - 1, -1.0), (at + i, 1.0)]);
                 if i + 1 < n {
                     row(bend / spacing.powi(3), &[(at + i - 1, 1.0), (at + i, -2.0), (at + i + 1, 1.0)]);
                 }

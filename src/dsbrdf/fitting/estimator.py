@@ -31,7 +31,7 @@ N_NEAR = 5000
 TOLERANCE = 3e-3
 LAST_TOLERANCE = 1e-2
 #: Inverse squares of what is usual of second and first differences of coefficients, and of colours, beta and falloff.
-PENALTY = (0.25, 0.05, 0.02)
+PENALTY = (0.25, 0.25, 0.1)
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
 

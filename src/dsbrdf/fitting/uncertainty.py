@@ -235,7 +235,8 @@ def penalty_matrix(lobes: Lobes, penalty: tuple[float, float, float]) -> Array:
         n = index.size(name)
         spacing = 5.0 / (max(n, 2) - 1)
         block = np.zeros((n, n))
-        for order, weight in ((1, slope / spacing), (2, bend / spacing**3)):
+        stiffness = slope if name == "colour" else slope / spacing
+        for order, weight in ((1, stiffness), (2, bend / spacing**3)):
             if n > order:
                 difference = np.diff(np.eye(n), order, axis=0)
                 block += weight * difference.T @ difference
