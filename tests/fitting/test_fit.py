@@ -136,6 +136,7 @@ def same_at_all_angles(wi, wo):
     return (0.05 + 1.5 * np.exp(-((np.rad2deg(theta_h) / 12.0) ** 2)))[..., None]
 
 
+@pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 @pytest.mark.parametrize(
     ("theta_o", "theta_i", "sentence"),
     [

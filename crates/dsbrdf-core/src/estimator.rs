@@ -172,7 +172,11 @@ impl<'a> Problem<'a> {
         let brightest = brightest.map(|(&f, _)| f).fold(0.0, f64::max);
         let n_unknowns = shape.n_unknowns();
         Self {
-            max_scale: (MAX_HEIGHT * brightest).ln_1p().ln().clamp(LN_KAPPA.0 + 1.0, LN_KAPPA.1),
+            // A prior knows better what was not measured
+            max_scale: match prior {
+                None => (MAX_HEIGHT * brightest).ln_1p().ln().clamp(LN_KAPPA.0 + 1.0, LN_KAPPA.1),
+                Some(_) => LN_KAPPA.1,
+            },
             bins: bins(observations, &shape),
             shape,
             observations,

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Most lobes that the choice goes up to.
 MAX_CHOSEN = 6
+#: Coefficients of curves that do not vary with theta_d.
+CONSTANT = (1, 1, 1, 1, 1)
 #: Positions that lobes are grown on, and those that they are brought near the end on; one azimuth each.
 N_GROWTH = 1500
 N_NEAR = 5000
@@ -123,16 +125,19 @@ def estimate(observations: Observations, options: FitOptions, prior: Gaussian | 
     """
     if prior is not None:
         return _with_prior(observations, options, prior)
-    how = _Options(
-        options.sizes, options.loss, observations.offset.tolist(), PENALTY, observations.n_effective
-    )
     most = MAX_CHOSEN if options.n_lobes == AUTO else int(options.n_lobes)
-    path = _grown(observations, how, most)
-    criteria = np.empty(0)
-    chosen = path[-1]
-    if options.n_lobes == AUTO:
+    candidates = []
+    # Where few angles were measured, curves that vary would explain what the lobes should
+    is_open = options.n_lobes == AUTO and not observations.is_table
+    for sizes in (CONSTANT, options.sizes) if is_open else (options.sizes,):
+        how = _Options(sizes, options.loss, observations.offset.tolist(), PENALTY, observations.n_effective)
+        path = _grown(observations, how, most)
         criteria = np.array([_criterion(observations, how, found) for found in path])
-        chosen = path[int(criteria.argmin())]
+        best = int(criteria.argmin()) if options.n_lobes == AUTO else most - 1
+        candidates.append((criteria[best], how, path[best], criteria))
+    _, how, chosen, criteria = min(candidates, key=lambda candidate: candidate[0])
+    if options.n_lobes != AUTO:
+        criteria = np.empty(0)
     end = chosen
     for part, tolerance in (
         (observations.kernel.thinned(N_NEAR), TOLERANCE),

@@ -93,6 +93,11 @@ class Observations:
         """Number of channels."""
         return int(self.values.shape[2])
 
+    @property
+    def is_table(self) -> bool:
+        """Whether these are cells of a table, with several azimuths each."""
+        return int(self.azimuth.shape[1]) > 1
+
     @classmethod
     def of(cls, measured: MeasuredBRDF | Samples) -> Observations:
         """Those of a table or of samples.
