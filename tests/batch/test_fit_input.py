@@ -9,6 +9,7 @@ from spaces import smooth_model
 import dsbrdf
 from dsbrdf import batch, cli
 from dsbrdf.export.convert import write_csv
+from dsbrdf.fitting import PriorWarning
 from dsbrdf.measured.formats.array_file import write_npz
 from dsbrdf.measured.formats.nbrdf import PARTS
 from dsbrdf.space import build_space, load_space
@@ -52,6 +53,7 @@ def test_columns_of_text(tmp_path, processes):
     assert not batch.fit_many([scan], out, columns=swapped, **OPTIONS)[0].kept
 
 
+@pytest.mark.filterwarnings("ignore::dsbrdf.fitting.PriorWarning")
 def test_a_prior_is_kept_by_what_it_holds(database, tmp_path):
     spaces = [build_space([smooth_model(i) for i in range(n, n + 5)]) for n in (0, 1)]
     spaces[0].save(tmp_path / "space.npz")
@@ -69,14 +71,17 @@ def test_fit_with_a_prior(small_table, tmp_path, capsys):
     write_csv(small_table, folder / "scan.csv")
     (folder / "Copyright_Notice.txt").write_text("All rights reserved.")
     assert cli.main(["fit", str(folder), "-o", str(out), "--prior", str(tmp_path / "space.npz")]) == 0
-    # The table reflects more light than it receives, and so do the models: one line for both, and nothing else
-    (told,) = capsys.readouterr().err.splitlines()
-    assert told.startswith("dsbrdf: warning: reflects more light than it receives: scan (")
-    assert ", small (" in told
+    # The table is like none of these materials, and reflects more light than it receives, as the models do
+    *unlike, bright = capsys.readouterr().err.splitlines()
+    assert len(unlike) == 2
+    assert all("no material of the prior is like it" in line for line in unlike)
+    assert bright.startswith("dsbrdf: warning: reflects more light than it receives: scan (")
+    assert ", small (" in bright
     for file in ("table.npz", "scan.csv"):
         measured = dsbrdf.read(folder / file)
         model = dsbrdf.load(out / f"{measured.name}.json")
-        expected = dsbrdf.fit(measured, prior=space).model
+        with pytest.warns(PriorWarning, match="like it: the fit misses the data by a factor of"):
+            expected = dsbrdf.fit(measured, prior=space).model
         np.testing.assert_allclose(model.lobes.scale, expected.lobes.scale)
 
 

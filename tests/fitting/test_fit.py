@@ -199,6 +199,7 @@ def test_a_prior_says_what_few_samples_do_not(rng):
     assert with_prior < 0.5 * log_error(fit(samples).model, moved.eval, rng)
 
 
+@pytest.mark.filterwarnings("ignore::dsbrdf.fitting.PriorWarning")
 def test_a_strong_prior_stays_where_it_is(rng):
     model = known()
     wi, wo = pairs(rng, 50)

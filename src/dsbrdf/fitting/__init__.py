@@ -5,7 +5,7 @@ lobes (the work is the kernel's), `metrics` measures errors over the whole hemis
 measured, and `uncertainty` how certain the result is. `fit` puts these together. Read them in this order.
 """
 
-from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
+from dsbrdf.fitting.fit import ConvergenceWarning, Fit, PriorWarning, fit
 from dsbrdf.fitting.options import FitOptions
 
-__all__ = ["ConvergenceWarning", "Fit", "FitOptions", "fit"]
+__all__ = ["ConvergenceWarning", "Fit", "FitOptions", "PriorWarning", "fit"]

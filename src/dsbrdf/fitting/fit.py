@@ -24,7 +24,7 @@ from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 if TYPE_CHECKING:
     from dsbrdf.space import Gaussian, MaterialSpace
 
-__all__ = ["ConvergenceWarning", "Fit", "fit"]
+__all__ = ["ConvergenceWarning", "Fit", "PriorWarning", "fit"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,14 @@ Array = NDArray[np.float64]
 N_PROFILE = 18
 #: Angles, degrees, of standard errors.
 ERROR_ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+
+
+#: RMS of the residuals of logarithms above which a material is none of those that a prior knows.
+UNLIKE = 0.25
+
+
+class PriorWarning(UserWarning):
+    """A material is unlike those of the prior."""
 
 
 class ConvergenceWarning(UserWarning):
@@ -174,6 +182,8 @@ def fit(
     -----
     ConvergenceWarning
         If the search ran out of iterations.
+    PriorWarning
+        If no material of the prior is like the measured one.
 
     Examples
     --------
@@ -197,6 +207,14 @@ def fit(
             f"the search ended after {options.max_iterations} iterations and may not be "
             "at a minimum. Allow more with 'max_iterations', or fit fewer lobes.",
             ConvergenceWarning,
+            stacklevel=2,
+        )
+    miss = float(np.sqrt(found.squares))
+    if prior is not None and loss != "l2" and miss > UNLIKE:
+        warnings.warn(
+            f"no material of the prior is like it: the fit misses the data by a factor of {np.exp(miss):.2f}. "
+            "Fit it without a prior, or with one of more materials.",
+            PriorWarning,
             stacklevel=2,
         )
     model = DSBRDF(
