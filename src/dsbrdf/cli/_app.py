@@ -54,7 +54,8 @@ class State:
 
     def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
         about = getattr(self.work, "about", "")
-        say(f"warning: {about}{': ' if about else ''}{message}")
+        named = not about or str(message).startswith(f"{Path(about).stem}: ")
+        say(f"warning: {message}" if named else f"warning: {about}: {message}")
 
 
 def say(text: str) -> None:

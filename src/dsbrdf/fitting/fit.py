@@ -202,9 +202,10 @@ def fit(
     observations = Observations.of(measured)
     found = estimator.estimate(observations, options, _gaussian(prior, observations))
     seconds = time.perf_counter() - start
+    label = f"{measured.name}: " if measured.name else ""
     if not found.converged:
         warnings.warn(
-            f"the search ended after {options.max_iterations} iterations and may not be "
+            f"{label}the search ended after {options.max_iterations} iterations and may not be "
             "at a minimum. Allow more with 'max_iterations', or fit fewer lobes.",
             ConvergenceWarning,
             stacklevel=2,
@@ -212,7 +213,7 @@ def fit(
     miss = float(np.sqrt(found.squares))
     if prior is not None and loss != "l2" and miss > UNLIKE:
         warnings.warn(
-            f"no material of the prior is like it: the fit misses the data by a factor of {np.exp(miss):.2f}. "
+            f"{label}no material of the prior is like it: the fit misses the data by a factor of {np.exp(miss):.2f}. "
             "Fit it without a prior, or with one of more materials.",
             PriorWarning,
             stacklevel=2,
