@@ -121,3 +121,14 @@ def test_data_of_other_channels(space):
     samples = Samples(*half_diff.to_directions(theta, theta, theta), np.ones((3, 2)), name="two")
     with pytest.raises(ValueError, match="a measurement of 2 channels does not go with this prior"):
         fit(samples, prior=space)
+
+
+@pytest.mark.filterwarnings("ignore::dsbrdf.fitting.fit.ConvergenceWarning")
+def test_the_built_in_library_by_name():
+    import dsbrdf
+
+    samples = few_samples(dsbrdf.library.load("nickel"), 20)
+    by_name, by_space = fit(samples, prior="library").model, fit(samples, prior=dsbrdf.space.builtin()).model
+    np.testing.assert_array_equal(by_name.lobes.scale, by_space.lobes.scale)
+    with pytest.raises(ValueError, match="'prior' must be 'library', a space or a Gaussian, got 'merl'"):
+        fit(samples, prior="merl")

@@ -34,6 +34,8 @@ N_PROFILE = 18
 ERROR_ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 
 
+#: Name of the built-in library as a prior.
+LIBRARY = "library"
 #: RMS of the residuals of logarithms above which a material is none of those that a prior knows.
 UNLIKE = 0.25
 
@@ -146,7 +148,7 @@ def fit(
     *,
     loss: str = "log",
     curves: str = "standard",
-    prior: MaterialSpace | Gaussian | None = None,
+    prior: MaterialSpace | Gaussian | str | None = None,
     max_iterations: int = 100,
 ) -> Fit:
     """Fit a model to a measured reflectance.
@@ -161,8 +163,9 @@ def fit(
         See `FitOptions`.
     curves : {"standard", "compact"}, optional
         How many coefficients the curves over theta_d have; "compact" is at most 60 numbers for three channels.
-    prior : MaterialSpace or Gaussian, optional
-        What materials are like, for few samples; it decides on the lobes and their curves.
+    prior : "library", MaterialSpace or Gaussian, optional
+        What materials are like, for few samples: those of the built-in library, or of a space of your own. It decides
+        on the lobes and their curves.
     max_iterations : int, optional
         Of the last search.
 
@@ -231,11 +234,15 @@ def fit(
     return Fit(model, measured, options, found, observations, errors, seconds)
 
 
-def _gaussian(prior: MaterialSpace | Gaussian | None, observations: Observations) -> Gaussian | None:
+def _gaussian(prior: MaterialSpace | Gaussian | str | None, observations: Observations) -> Gaussian | None:
     if prior is None:
         return None
-    from dsbrdf.space import Gaussian
+    from dsbrdf.space import Gaussian, builtin
 
+    if isinstance(prior, str):
+        if prior != LIBRARY:
+            raise ValueError(f"'prior' must be {LIBRARY!r}, a space or a Gaussian, got {prior!r}.")
+        prior = builtin()
     gaussian = prior if isinstance(prior, Gaussian) else prior.gaussian()
     *shared, colour = gaussian.sizes
     n_channels = observations.n_channels

@@ -1,11 +1,12 @@
 """The space of materials (Section 6.C): functional principal components of the lobes of a collection of models.
 
 `variables` says what the numbers of a lobe are, `correspondence` which lobe of one material is which of another, `fpca`
-is the analysis. `build_space` puts them together; `load_space` reads a space from a file. A `MaterialSpace` finds,
+is the analysis. `build_space` puts them together; `builtin` is the space of the
+built-in library, `load_space` reads one from a file. A `MaterialSpace` finds,
 blends, moves and draws materials, and its `Gaussian` is the prior of `dsbrdf.fit(samples, prior=space)`.
 """
 
-from dsbrdf.space.build import FIT, build_space, lobe_fpca
+from dsbrdf.space.build import FIT, build_space, builtin, lobe_fpca
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.prior import Gaussian
@@ -22,6 +23,7 @@ __all__ = [
     "SpaceFormatError",
     "SpaceSettings",
     "build_space",
+    "builtin",
     "fit_fpca",
     "load_space",
     "lobe_fpca",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf import library
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space.correspondence import lobe_slots, pad, two_class_border
 from dsbrdf.space.fpca import Fpca, fit_fpca
@@ -15,7 +17,7 @@ from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings, check_channels, check_convention, convention_of
 from dsbrdf.space.variables import Sizes, Variables
 
-__all__ = ["FIT", "build_space", "lobe_fpca"]
+__all__ = ["FIT", "build_space", "builtin", "lobe_fpca"]
 
 #: Options of `dsbrdf.fit` that make the best models for a space: as many lobes in each.
 FIT: dict[str, Any] = {"n_lobes": 5}
@@ -71,6 +73,40 @@ def build_space(
         border,
         n_diffuse,
     )
+
+
+def builtin(without: Iterable[str] = ()) -> MaterialSpace:
+    """The space of the built-in library.
+
+    Parameters
+    ----------
+    without : iterable of str, optional
+        Names of materials that are left out, as for a test of what the space says about them.
+
+    Returns
+    -------
+    MaterialSpace
+
+    Raises
+    ------
+    ValueError
+        If a name is not in the library.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> space = dsbrdf.space.builtin()
+    >>> middle = space.blend(space.material("nickel"), space.material("red-fabric"), 0.5)
+    """
+    space = _of_library()
+    for name in [without] if isinstance(without, str) else without:
+        space = space.without(name)
+    return space
+
+
+@cache
+def _of_library() -> MaterialSpace:
+    return build_space([library.load(name) for name in library.names()])
 
 
 def lobe_fpca(space: MaterialSpace) -> tuple[Fpca, NDArray[np.int_]]:

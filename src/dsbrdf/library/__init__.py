@@ -1,0 +1,49 @@
+"""Many models in one file, and the file that comes with the package: 106 materials to begin with.
+
+`names` and `load` are of the built-in library, fitted to 100 NBRDF-decoded MERL materials and six files of the RGL
+database; `write` and `open` make and read files of your own, of any number of materials. `file` says how they are laid
+out, `tools/library.py` in the repository made the built-in one.
+"""
+
+from functools import cache
+from pathlib import Path
+
+from dsbrdf.library.file import SUFFIX, Library, LibraryFormatError, open, write
+from dsbrdf.model.dsbrdf import DSBRDF
+
+__all__ = ["SUFFIX", "Library", "LibraryFormatError", "builtin", "load", "names", "open", "write"]
+
+
+@cache
+def builtin() -> Library:
+    """The library that comes with the package."""
+    return open(Path(__file__).with_name(f"materials{SUFFIX}"))
+
+
+def names() -> tuple[str, ...]:
+    """Names of the materials of the built-in library.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> "nickel" in dsbrdf.library.names()
+    True
+    """
+    return builtin().names
+
+
+def load(name: str) -> DSBRDF:
+    """A material of the built-in library.
+
+    Raises
+    ------
+    ValueError
+        If there is no such material; says which names are near.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.library.load("nickel").channels
+    ('r', 'g', 'b')
+    """
+    return builtin().load(name)
