@@ -44,13 +44,13 @@ def test_columns_of_text(tmp_path, processes):
     out = tmp_path / "out"
     (nameless,) = batch.fit_many([scan], processes=processes, **OPTIONS)
     assert "no header" in nameless.status
-    (outcome,) = batch.fit_many([scan], out, columns=COLUMNS, processes=processes, **OPTIONS)
+    (outcome,) = batch.fit_many([scan], out, reading={"columns": COLUMNS}, processes=processes, **OPTIONS)
     expected = dsbrdf.fit(dsbrdf.read(scan, columns=COLUMNS), **OPTIONS).model
     np.testing.assert_array_equal(outcome.model.lobes.scale, expected.lobes.scale)
-    assert batch.fit_many([scan], out, columns=COLUMNS, **OPTIONS)[0].kept
+    assert batch.fit_many([scan], out, reading={"columns": COLUMNS}, **OPTIONS)[0].kept
     # Other names are another measurement
     swapped = [COLUMNS[1], COLUMNS[0], *COLUMNS[2:]]
-    assert not batch.fit_many([scan], out, columns=swapped, **OPTIONS)[0].kept
+    assert not batch.fit_many([scan], out, reading={"columns": swapped}, **OPTIONS)[0].kept
 
 
 @pytest.mark.filterwarnings("ignore::dsbrdf.fitting.PriorWarning")

@@ -3,6 +3,7 @@
 import io
 import struct
 import tempfile
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from dsbrdf.measured.formats import nbrdf
 from dsbrdf.measured.formats.rgl import read_rgl
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
 from dsbrdf.measured.profile import MeasuredProfile
+from dsbrdf.measured.samples import ReadWarning
 
 #: What a reader may raise.
 CLEAN = (ValueError, OSError)
@@ -135,7 +137,9 @@ def place(kind, folder, content):
 def sound(kind, path):
     """Read a file: it is refused with a reason (False), or makes sense (True)."""
     try:
-        content = READERS.get(kind, read)(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReadWarning)
+            content = READERS.get(kind, read)(path)
     except CLEAN as error:
         if not str(error):
             raise

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsbrdf import Samples, half_diff, read, read_samples
-from dsbrdf.measured.samples import samples_from_columns
+from dsbrdf.measured.samples import ReadWarning, samples_from_columns
 
 HEADER = "theta_i_deg,theta_o_deg,phi_o_deg,r,g,b\n"
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -99,7 +99,11 @@ def test_weights_and_standard_deviations(write):
 
 
 def test_what_is_negative_or_not_finite_is_invalid(write):
-    samples = read(write(HEADER + "30,45,180,-1,nan,inf\n30,45,180,0,1e-300,-inf\n"))
+    path = write(HEADER + "30,45,180,-1,nan,inf\n30,45,180,0,1e-300,-inf\n")
+    with pytest.warns(
+        ReadWarning, match="^scan: channel b holds no valid value: it is dark in what comes of it"
+    ):
+        samples = read(path)
     assert_array_equal(samples.values, [[np.nan] * 3, [0.0, 1e-300, np.nan]])
 
 
@@ -109,26 +113,37 @@ def test_what_is_negative_or_not_finite_is_invalid(write):
         ("", "an empty file. Expected a MERL"),
         ("# only\n\n", "no samples: expected lines of numbers after a header and comments, or another format."),
         (HEADER, "no samples: expected lines of numbers"),
-        ("30,45,180,1\n", r"no header. Name the columns, as in columns=\['theta_i_deg'"),
+        ("30,45,180,1\n", r"no header that names a direction .*in line 1: '30,45,180,1'. Name .* "
+        r"columns=\['theta_i_deg'"),
         (HEADER + "1,2,3,4,5\n", "6 names of columns, but 5 columns in line 2."),
         (HEADER + "1,2,3,4,5,6,7\n", "6 names of columns, but 7 columns in line 2."),
-        (HEADER + "1,2,3,4,5,6\n1,2,3\n", "not a table of numbers from line 2 on: .*at row 2"),
-        (HEADER + "1,2,3,4,5,6\n1,2,3,4,5,x\n", "not a table of numbers from line 2 on: could not convert string 'x'"),
-        (HEADER.replace("g", "r") + "1,2,3,4,5,6\n", "column theta_i_der is there twice|column r is there twice"),
+        (HEADER + "1,2,3,4,5,6\n1,2,3\n", "line 3 has 3 cells, not 6 as the others: '1,2,3'. Is it cut off"),
+        (HEADER + "1,2,3,4,5,6\n1,2,3,4,5,x\n", "line 3, column b: 'x' is not a number. .* '1,2,3,4,5,x'"),
+        (HEADER.replace("g,b", "r,b") + "1,2,3,4,5,6\n", "column r is there twice"),
+        (HEADER.replace("g,b", "red,b") + "1,2,3,4,5,6\n", "column red is there twice: r means the same. Leave "
+        "one out"),
         ("theta_i,theta_o,phi_o,f\n1,2,3,4\n", "column theta_i must say its unit: call it theta_i_deg or theta_i_rad."),
-        ("theta_i_deg,theta_o_deg,f\n1,2,3\n", "expected columns theta_i and theta_o .*; got the columns theta_i_de"),
-        ("a,b,c\n1,2,3\n", "expected columns theta_i and theta_o in degrees or radians .*; got the columns a, b, c."),
+        ("theta_i_deg,theta_o_deg,f\n1,2,3\n", "no azimuth, and theta_o_deg has no negative angle .*--set "
+        "phi_o_deg=180"),
+        ("theta_i_deg,phi_o_deg,f\n1,2,3\n", "expected columns theta_i and theta_o .*, without theta_o.*--set "
+        "theta_o_deg="),
+        ("a,b,c\n1,2,3\n", "no header that names a direction .*line above the numbers: 'a,b,c'"),
         ("theta_i_deg,theta_o_deg,phi_o_deg\n1,2,3\n", "expected a column of values beside the directions; got"),
-        (HEADER + "95,2,3,4,5,6\n", "column theta_i_deg must lie within 90 on either side .* got 95 at index 0"),
-        (HEADER + "nan,2,3,4,5,6\n", "column theta_i_deg must lie within 90 on either side .* got nan at index 0"),
-        (HEADER.replace("deg", "rad") + "1,2,3,4,5,6\n", "theta_o_rad must lie within 1.570796 .* got 2 at index 0"),
-        (HEADER + "1,2,inf,4,5,6\n", "'phi_o_deg' must be finite, got inf at index 0"),
+        (HEADER + "95,2,3,4,5,6\n", "no sample is left: all are below the horizon, the first in line 2"),
+        (HEADER + "1,nan,3,4,5,6\n", "no sample is left: all are without a direction, the first in line 2"),
+        (HEADER.replace("deg", "rad") + "1,20,3,4,5,6\n", "theta_o_rad must lie within 1.570796 .* got 20. Are "
+        "these deg"),
+        (HEADER.replace("deg", "gon") + "1,20,3,4,5,6\n", "no header that names a direction"),
+        (HEADER.replace("_deg", " [gon]") + "1,20,3,4,5,6\n", "unit 'gon' is neither deg nor rad"),
+        (HEADER + "1,2,inf,4,5,6\n", "no sample is left: all are without a direction"),
         (HEADER.replace("r,g,b", "f,std,weight") + "1,2,3,4,5,6\n", "a column weight or std, got both. Leave one out"),
-        (HEADER.replace("r,g,b", "r,g,std") + "1,2,3,4,5,0\n", "'std' must be > 0 and finite, got 0 at index 0"),
-        (HEADER.replace("r,g,b", "r,g,weight") + "1,2,3,4,5,-1\n", "'weights' must be >= 0 and finite, got -1 at"),
+        (HEADER.replace("r,g,b", "r,g,std") + "1,2,3,4,5,0\n", "'std' must be > 0 and finite, got 0 in line 2"),
+        (HEADER.replace("r,g,b", "r,g,weight") + "1,2,3,4,5,-1\n", "'weights' must be >= 0 and finite, got -1 "
+        "in line 2"),
         ("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,f\n0,0,1,0,1,1,2\n", "must be unit vectors, got norm 1.41421 at index 0"),
-        ("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,f\n0,0,1,0,0,-1,2\n", "'wo' must not lie below the horizon, got z = -1 at i"),
-        ("theta_h_deg,theta_d_deg,phi_d_deg,f\n80,80,0,2\n", "'wo' must not lie below|'wi' must not lie below"),
+        ("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,f\n0,0,1,0,0,-1,2\n", "no sample is left: all are below the horizon, "
+        "the first in"),
+        ("theta_h_deg,theta_d_deg,phi_d_deg,f\n80,80,0,2\n", "no sample is left: all are below the horizon"),
         ("theta_i_deg," + "x" * 100_001 + "\n", "not a table of samples: a line has more than 100,000 bytes."),
         (HEADER + "1,2,3,4,5,6\n" + " " * 5000 + "\0", "not a table of samples: it holds a byte that is no text."),
     ],
@@ -142,7 +157,7 @@ def test_wrong_text_is_refused(write, text, message):
 def test_names_that_do_not_fit_are_refused(write):
     with pytest.raises(ValueError, match="2 names of columns, but 3 columns in line 1"):
         read_samples(write("1,2,3\n"), ["theta_i_deg", "f"])
-    with pytest.raises(ValueError, match="could not convert string 'first'"):
+    with pytest.raises(ValueError, match="line 2, column theta_i_deg: 'first' is not a number"):
         read_samples(write("1,2,3,4\nfirst,2,3,4\n"), ["theta_i_deg", "theta_o_deg", "phi_o_deg", "f"])
 
 
@@ -239,7 +254,5 @@ def test_read_samples_wants_samples(tmp_path, small_table):
     write_npz(small_table, tmp_path / "t.npz")
     with pytest.raises(ValueError, match=r"expected scattered samples, got a table. Use dsbrdf.read\.$"):
         read_samples(tmp_path / "t.npz")
-    with pytest.raises(
-        ValueError, match=r"names of columns are for text; a \.npz file names its arrays itself"
-    ):
+    with pytest.raises(ValueError, match=r"names of columns are for text; this is a NumPy arrays"):
         read_samples(tmp_path / "t.npz", ["r"])

@@ -20,6 +20,7 @@ from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path, source_of
 from dsbrdf.fitting.fit import Fit, fit
 from dsbrdf.measured import MeasuredBRDF, Samples, built_in, read
 from dsbrdf.measured.formats.nbrdf import npy_set
+from dsbrdf.measured.formats.text_file import has_numbers
 from dsbrdf.model.dsbrdf import DSBRDF
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ WORKERS = 2
 #: Begun beyond those that are worked on, before the first is handed on: bounds what is held in memory.
 AHEAD = 1
 #: Files of a folder that are measured ones; an image in it may be anything, and is given by itself.
-SUFFIXES = (".binary", ".bsdf", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".tsv")
+SUFFIXES = (".binary", ".bsdf", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".tsv", ".txt", ".dat", ".asc")
 
 
 class WorkerDiedError(RuntimeError):
@@ -137,7 +138,10 @@ def _inside(folder: Path) -> list[str]:
 
 def _is_measured(entry: Path) -> bool:
     """Whether a file of a folder is one to fit; of the six of a neural BRDF, the first."""
-    if entry.suffix.lower() not in SUFFIXES or entry.name in TABLES or entry.is_dir():
+    suffix = entry.suffix.lower()
+    if suffix not in SUFFIXES or entry.name in TABLES or entry.is_dir():
+        return False
+    if suffix in (".txt", ".dat", ".asc") and not has_numbers(entry):
         return False
     network = npy_set(entry)
     return network is None or network["fc1"] == entry
@@ -152,8 +156,8 @@ def _failure(target: str, error: Exception) -> str:
     return text if target in text else f"{target}: {text}"
 
 
-def open_target(target: str, columns: Sequence[str] | None = None) -> MeasuredBRDF | Samples:
-    """The measured file, its columns named if it is text, or else the built-in material, of this name.
+def open_target(target: str, reading: Mapping[str, Any] | None = None) -> MeasuredBRDF | Samples:
+    """The measured file, read with these options of `dsbrdf.read`, or else the built-in material, of this name.
 
     Raises
     ------
@@ -163,7 +167,7 @@ def open_target(target: str, columns: Sequence[str] | None = None) -> MeasuredBR
         If the file cannot be read.
     """
     if Path(target).exists():
-        return read(target, columns=columns)
+        return read(target, **(reading or {}))
     if target in built_in.names():
         return built_in.material(target)
     if Path(target).suffix or Path(target).name != target:
@@ -178,7 +182,7 @@ def fit_many(
     targets: str | Path | Iterable[Target],
     out: str | Path | None = None,
     *,
-    columns: Sequence[str] | None = None,
+    reading: Mapping[str, Any] | None = None,
     processes: int = 0,
     record: bool = True,
     force: bool = False,
@@ -202,8 +206,8 @@ def fit_many(
         work goes on, so that measurements can be made one by one.
     out : str or Path, optional
         Folder for models `<name>.json`; none are written by default.
-    columns : sequence of str, optional
-        Names of the columns of text, see `dsbrdf.read_samples`.
+    reading : mapping, optional
+        Options of `dsbrdf.read`, such as `columns`, for all files.
     processes : int, optional
         Fit in so many processes of their own: a fit that crashes or is killed is tried once more, and then noted as
         failed while the others go on. By default two threads of this process, which are as fast.
@@ -245,15 +249,15 @@ def fit_many(
         from dsbrdf.batch.worker import Workers
 
         workers = Workers(processes)
-    named = {} if columns is None else {"columns": list(columns)}
-    book = Book(folder if record else None, options | named, force=force)
+    said = {"reading": dict(reading)} if reading else {}
+    book = Book(folder if record else None, options | said, force=force)
     taken: dict[Path, str] = {}
     outcomes: list[Outcome] = []
     failures: list[tuple[str, str]] = []
 
     def work(target: Target) -> _Work:
         begin(_label(target))
-        return _work(target, columns, options, book, plots, workers)
+        return _work(target, reading, options, book, plots, workers)
 
     def finish(target: str, of_thread: _Work) -> Outcome:
         error = of_thread.error
@@ -301,7 +305,7 @@ def _ahead(
 
 def _work(
     target: Target,
-    columns: Sequence[str] | None,
+    reading: Mapping[str, Any] | None,
     options: Mapping[str, Any],
     book: Book,
     plots: bool,
@@ -310,14 +314,14 @@ def _work(
     name = Path(_label(target)).stem
     try:
         target = str(target) if isinstance(target, Path) else target
-        measured = open_target(target, columns) if isinstance(target, str) else target
+        measured = open_target(target, reading) if isinstance(target, str) else target
         name = measured.name
         source = source_of(measured) if book.folder is not None else None
         entry = book.still_good(name, measured, source, plots and isinstance(measured, MeasuredBRDF))
         if entry is not None:
             return _Work(name, source, entry=entry)
         if workers is not None:
-            result, summary = workers.fit(target, columns, measured, options, book.folder is not None)
+            result, summary = workers.fit(target, reading, measured, options, book.folder is not None)
         else:
             result = fit(measured, **options)
             if book.folder is not None:

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -43,7 +43,7 @@ class Workers:
     def fit(
         self,
         target: str | MeasuredBRDF | Samples,
-        columns: Sequence[str] | None,
+        reading: Mapping[str, Any] | None,
         measured: MeasuredBRDF | Samples,
         options: Mapping[str, Any],
         hashed: bool,
@@ -60,7 +60,7 @@ class Workers:
         for attempt in range(1, ATTEMPTS + 1):
             process = self._process()
             try:
-                result, summary, error, told = _ask(process, (target, columns, dict(options), hashed))
+                result, summary, error, told = _ask(process, (target, reading, dict(options), hashed))
                 break
             except (EOFError, OSError, pickle.UnpicklingError):
                 process.kill()
@@ -126,14 +126,14 @@ def _serve(jobs: BinaryIO, answers: BinaryIO) -> None:
     """Answer jobs until there are no more."""
     while True:
         try:
-            target, columns, options, hashed = pickle.load(jobs)
+            target, reading, options, hashed = pickle.load(jobs)
         except EOFError:
             return
         result, summary, error = None, None, None
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
-                measured = open_target(target, columns) if isinstance(target, str) else target
+                measured = open_target(target, reading) if isinstance(target, str) else target
                 result = fit(measured, **options)
                 summary = result.summary()
                 if hashed:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dsbrdf.cli._app import State, app, check_output, say
+from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
     from dsbrdf.export.convert import Conversion
@@ -29,6 +30,7 @@ class Kind(StrEnum):
 
 
 @app.command()
+@takes_reading
 def convert(
     context: typer.Context,
     source: Annotated[
@@ -42,10 +44,8 @@ def convert(
     kind: Annotated[
         Kind | None, typer.Option("--to", "-t", help="Format of OUT, if its suffix does not tell.")
     ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="Columns of text, as in theta_i_deg,theta_o_deg,phi_o_deg,r,g,b."),
-    ] = None,
+    *,
+    reading: Any,
 ) -> None:
     """Convert measured files to another format; print what it loses."""
     from dsbrdf import batch
@@ -54,11 +54,10 @@ def convert(
     from dsbrdf.measured.formats.nbrdf import npy_set
 
     state: State = context.obj
-    names = None if columns is None else columns.split(",")
     inside = _inside(source) if source.is_dir() else []
     if not inside or (len(inside) == 1 and npy_set(source) is not None):
         check_output(target, [source])
-        _tell(convert_file(source, target, kind, columns=names))
+        _tell(convert_file(source, target, kind, **reading))
         return
     if kind is None:
         raise typer.BadParameter("a folder needs a format: add -t FORMAT.", param_hint="'--to'")
@@ -68,7 +67,7 @@ def convert(
         try:
             out = target / f"{name}{KINDS[kind]}"
             check_output(out, [file])
-            _tell(convert_file(file, out, kind, columns=names))
+            _tell(convert_file(file, out, kind, **reading))
         except (OSError, ValueError, ImportError) as error:
             if state.debug:
                 raise

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
+from dsbrdf.cli._reading import takes_reading
 
 
 class Loss(StrEnum):
@@ -28,6 +29,7 @@ class Curves(StrEnum):
 
 
 @app.command()
+@takes_reading
 def fit(
     context: typer.Context,
     files: Annotated[
@@ -65,17 +67,11 @@ def fit(
             show_default=False,
         ),
     ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Columns of text, as in theta_i_deg,theta_o_deg,phi_o_deg,r,g,b.",
-            show_default=False,
-        ),
-    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
     ] = False,
+    *,
+    reading: Any,
 ) -> None:
     """Fit measured BRDFs; print how good the fits are."""
     from dsbrdf import batch
@@ -115,7 +111,7 @@ def fit(
             batch.fit_many(
                 targets,
                 out,
-                columns=None if columns is None else columns.split(","),
+                reading=reading,
                 record=is_batch,
                 force=force,
                 strict=state.debug,

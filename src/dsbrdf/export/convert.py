@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,9 @@ from dsbrdf.measured import built_in
 from dsbrdf.measured.formats.merl import write_merl
 from dsbrdf.measured.formats.rgl import RGLReflectance, read_rgl
 from dsbrdf.measured.formats.tensor_file import MAGIC
+from dsbrdf.measured.names import Meaning, meaning
 from dsbrdf.measured.read import read
-from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.samples import ReadWarning, Samples
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF, channel_names
@@ -29,8 +31,8 @@ __all__ = ["KINDS", "Conversion", "convert", "write_csv"]
 
 #: Kinds of files that can be written, and their suffixes.
 KINDS = {"merl": ".binary", "rgl": ".bsdf", "npz": ".npz", "csv": ".csv", "tsv": ".tsv"}
-#: Names of channels that can be those of columns, and what else columns may be named.
-COLUMN, TAKEN = re.compile(r"\w[\w.]*"), re.compile(r"weight|std|(theta|phi)_.*|w[io]_.*", re.IGNORECASE)
+#: Names of channels that can be part of a header.
+COLUMN = re.compile(r"\w[\w.]*")
 #: Of a table.
 ANGLES = ("theta_h", "theta_d", "phi_d")
 Content: TypeAlias = MeasuredBRDF | Samples | DSBRDF
@@ -64,9 +66,7 @@ class Conversion:
         return f"{self.path}: relative RMS {self.rel_rms:.2g}, {self.coverage:.1%} of the entries valid"
 
 
-def convert(
-    source: str | Path, target: str | Path, kind: str | None = None, *, columns: Sequence[str] | None = None
-) -> Conversion:
+def convert(source: str | Path, target: str | Path, kind: str | None = None, **reading: Any) -> Conversion:
     """Convert a measured file, or a model, to another format.
 
     Parameters
@@ -77,8 +77,8 @@ def convert(
         Written aside and renamed.
     kind : {"merl", "rgl", "npz", "csv", "tsv"}, optional
         Told by the suffix of `target` by default: .binary, .bsdf, .npz, .csv or .tsv.
-    columns : sequence of str, optional
-        Names of the columns of text, see `dsbrdf.read_samples`.
+    **reading
+        Of `dsbrdf.read`, such as `columns`.
 
     Returns
     -------
@@ -94,11 +94,14 @@ def convert(
     target = Path(target)
     kind = _kind(target, kind)
     source = Path(source)
-    before = _open(source, columns)
+    before = _open(source, reading)
     # Written over itself, a file could not be compared any more
     truth = _as_measured(source, before)
     _WRITERS[kind](before, target)
-    after = read(target)
+    with warnings.catch_warnings():
+        # What is doubtful was said as it was read
+        warnings.simplefilter("ignore", ReadWarning)
+        after = read(target)
     return Conversion(target, kind, _loss(truth, after), _coverage(after))
 
 
@@ -113,14 +116,14 @@ def _kind(target: Path, kind: str | None) -> str:
     return kind
 
 
-def _open(path: Path, columns: Sequence[str] | None) -> Content:
+def _open(path: Path, reading: Mapping[str, Any]) -> Content:
     if str(path) in built_in.names() and not path.exists():
         return built_in.material(str(path))
-    if columns is None and path.is_file():
+    if not reading and path.is_file():
         with path.open("rb") as file:
-            if file.read(4096).lstrip()[:1] == b"{":
+            if b'"dsbrdf model"' in file.read(4096):
                 return model_file.load(path)
-    return read(path, columns=columns)
+    return read(path, **reading)
 
 
 def _as_measured(path: Path, content: Content) -> Content | RGLReflectance:
@@ -177,8 +180,9 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
     """Write the valid values of a table, or samples, one pair of directions a line, with nine digits.
 
     The columns are `theta_i_rad`, `theta_o_rad` and `phi_o_rad`, counted from the azimuth of the light, then the
-    channels in 1/sr, then `weight` where there is one. Channels have their names, or numbers if one of these cannot be
-    that of a column.
+    channels in 1/sr, then `weight` where there is one. Channels have their names, after `value_` where these alone
+    would
+    not tell that they are channels, or numbers if one of them cannot be part of a header.
 
     Raises
     ------
@@ -201,19 +205,15 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
 
 
 def _columns(names: Sequence[str]) -> list[str]:
-    """Names of channels as those of columns."""
+    """Names of channels as those of columns, which are read as such; numbers if they cannot be."""
     unlike = len({name.lower() for name in names}) == len(names)
-    if unlike and all(COLUMN.fullmatch(x) and not TAKEN.fullmatch(x) and not _is_number(x) for x in names):
-        return list(names)
-    return [f"channel_{i + 1}" for i in range(len(names))]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    if not unlike or not all(map(COLUMN.fullmatch, names)):
+        return [f"value_{i + 1}" for i in range(len(names))]
+    whole = {"X", "Y", "Z"} <= set(names)
+    plain = [
+        meaning(name) == Meaning("channel", name) and (whole or name not in ("X", "Z")) for name in names
+    ]
+    return [name if is_plain else f"value_{name}" for name, is_plain in zip(names, plain, strict=True)]
 
 
 def _tabulated(model: DSBRDF) -> MeasuredBRDF:

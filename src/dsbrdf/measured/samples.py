@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, TypeAlias
@@ -12,23 +12,25 @@ from numpy.typing import NDArray
 
 from dsbrdf import _check
 from dsbrdf.geometry import half_diff
+from dsbrdf.measured import directions
+from dsbrdf.measured.names import Meaning, meaning, wavelength_name
+from dsbrdf.measured.options import ReadOptions
+from dsbrdf.measured.plausible import doubts
 from dsbrdf.measured.source import Source
 
 Array: TypeAlias = NDArray[np.float64]
-__all__ = ["SKIPPED", "Samples", "samples_from_columns"]
+__all__ = ["SKIPPED", "ReadWarning", "Samples", "samples_from_columns"]
 
 #: Name of a column to leave out.
 SKIPPED = "-"
 #: Relative standard deviation below which samples count alike.
 LEAST_ERROR = 0.02
-#: A component printed with three digits is this far off; the vectors are made unit again.
-_PRINTED = 2e-3
-_ANGLE = re.compile(r"(theta_i|phi_i|theta_o|phi_o|theta_h|theta_d|phi_d)[ _\[(]*(deg|rad)?[\])]*")
-_VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
-_DIRECTIONS = (
-    "theta_i and theta_o in degrees or radians (theta_i_deg or theta_i_rad, and so on) with phi_o and, if it is "
-    "not 0, phi_i; or theta_h, theta_d and phi_d likewise; or wi_x, wi_y, wi_z, wo_x, wo_y, wo_z"
-)
+#: Below the horizon by no more than rounding.
+_ROUNDING = 1e-9
+
+
+class ReadWarning(UserWarning):
+    """Samples were left out, or their numbers do not look like a BRDF in 1/sr in the convention of the package."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,8 @@ class Samples:
     channels : sequence of str, optional
         Names of the channels; r, g, b for three by default.
     source : Source, optional
+    remarks : sequence of str, optional
+        What a reader understood and took for granted, a sentence each.
 
     Raises
     ------
@@ -63,6 +67,7 @@ class Samples:
     weights: Array | None = None
     channels: Sequence[str] = ()
     source: Source = field(default_factory=Source)
+    remarks: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         values = np.array(self.values, dtype=np.float64)
@@ -105,107 +110,433 @@ class Samples:
         )
 
 
-def samples_from_columns(columns: Mapping[str, Any], name: str, source: Source | None = None) -> Samples:
+def samples_from_columns(
+    columns: Mapping[str, Any],
+    name: str,
+    source: Source | None = None,
+    options: ReadOptions | None = None,
+    *,
+    lines: NDArray[np.int64] | None = None,
+    remarks: Sequence[str] = (),
+) -> Samples:
     """Scattered samples from named columns.
 
     Parameters
     ----------
     columns : mapping of str to (n,) array_like
-        Directions as angles `theta_i`, `phi_i`, `theta_o`, `phi_o` or `theta_h`, `theta_d`, `phi_d`, each with its unit
-        `_deg` or `_rad` (`phi_i` may be missing and is 0 then, `theta_o` may be negative, on the far side of the
-        normal), or as unit vectors `wi_x` to `wo_z`; `weight`, or `std`, the standard deviation of the values in
-        1/sr, where it is known; all others are channels, in 1/sr. Case does not matter.
+        Directions, channels in 1/sr, uncertainties and wavelengths, told apart by their names: see `names.meaning` and
+        the page on formats. A column that is none of these is refused, not guessed.
     name : str
     source : Source, optional
         Its file, if there is one, is named by errors.
+    options : ReadOptions, optional
+        What the caller says about the columns.
+    lines : (n,) ndarray of int, optional
+        Of the file, for errors.
+    remarks : sequence of str, optional
+        What the reader has to say.
 
     Returns
     -------
     Samples
+        Without those that are below the horizon, have no direction, or that the caller does not keep.
 
     Raises
     ------
     ValueError
-        If columns are missing, an angle has no unit or is out of range, or as `Samples`.
+        If columns are missing, of no known meaning or unit, or as `Samples`.
+
+    Warns
+    -----
+    ReadWarning
+        If samples are left out, or the numbers do not look like a BRDF in 1/sr in this convention.
+
+    Examples
+    --------
+    >>> angles = {"theta_i_deg": [30, 30], "theta_o_deg": [-30, 0]}
+    >>> samples_from_columns(angles | {"650nm": [1.2, 0.2], "450nm": [1.1, 0.1]}, "paint").channels
+    ('450nm', '650nm')
     """
     source = source or Source()
+    options = options or ReadOptions()
     try:
-        wi, wo, values, weights, channels = _parts(columns)
-        return Samples(wi, wo, values, name=name, weights=weights, channels=channels, source=source)
+        table = _Columns(columns, options, lines)
+        wi, wo, values, weights = table.resolved()
+        names = table.channels
+        said = (*remarks, *table.remarks)
+        samples = Samples(
+            wi, wo, values, name=name, weights=weights, channels=names, source=source, remarks=said
+        )
     except ValueError as error:
         raise ValueError(f"{source.file or name}: {error}") from None
+    doubtful = doubts(
+        samples.wi,
+        samples.wo,
+        samples.values,
+        names,
+        azimuth_is_known=options.phi_offset is not None,
+        scale_is_known=options.scale is not None or options.cosine,
+    )
+    for text in (*table.left_out, *doubtful):
+        warnings.warn(f"{name}: {text}", ReadWarning, stacklevel=2)
+    return samples
 
 
-def _parts(columns: Mapping[str, Any]) -> tuple[Array, Array, Array, Array | None, tuple[str, ...]]:
-    """Directions, values, weights and names of channels from named columns."""
-    rest = {key.strip().strip("\"'").lower(): value for key, value in columns.items()}
-    angles: dict[str, Array] = {}
-    for key in list(rest):
-        match = _ANGLE.fullmatch(key)
-        if match:
-            angles[match[1]] = _radians(rest.pop(key), key, match[2])
-    vectors = [np.asarray(rest.pop(key), float) for key in _VECTORS if key in rest]
-    if len(vectors) == len(_VECTORS) and not angles:
-        wi, wo = (_unit(np.stack(w, axis=-1)) for w in (vectors[:3], vectors[3:]))
-    elif {"theta_i", "theta_o", "phi_o"} <= set(angles) <= {"theta_i", "theta_o", "phi_i", "phi_o"}:
-        wi = _direction(angles["theta_i"], angles.get("phi_i", np.zeros(1)))
-        wo = _direction(angles["theta_o"], angles["phi_o"])
-    elif set(angles) == {"theta_h", "theta_d", "phi_d"}:
-        wi, wo = half_diff.to_directions(*(angles[key] for key in ("theta_h", "theta_d", "phi_d")))
-    else:
-        raise ValueError(f"expected columns {_DIRECTIONS}; got {_listed(columns)}.")
+class _Columns:
+    """Columns sorted by what they mean, and what becomes of them."""
 
-    weights = rest.pop("weight", None)
-    std = None
-    if "std" in rest:
-        if weights is not None:
-            raise ValueError("expected a column weight or std, got both. Leave one out as '-'.")
-        std = _check.finite(rest.pop("std"), "std", low=0.0, open_low=True)
-    channels = {key: value for key, value in rest.items() if key != SKIPPED}
-    if not channels:
-        raise ValueError(f"expected a column of values beside the directions; got {_listed(columns)}.")
-    values = np.stack([np.asarray(value, float) for value in channels.values()], axis=-1)
-    if std is not None:
-        # Relative variance, and no sample is better than the model can be
-        seen = np.isfinite(values)
-        bright = np.abs(np.where(seen, values, 0.0).sum(1)) / np.maximum(seen.sum(1), 1)
-        weights = LEAST_ERROR**2 / ((std / np.maximum(bright, std)) ** 2 + LEAST_ERROR**2)
-    return wi, wo, values, weights, tuple(channels)
+    def __init__(
+        self, columns: Mapping[str, Any], options: ReadOptions, lines: NDArray[np.int64] | None
+    ) -> None:
+        self.options = options
+        self.lines = lines
+        self.remarks: list[str] = []
+        self.left_out: list[str] = []
+        self.listed = f"the columns {', '.join(columns):.200}" if columns else "none"
+        self.labels: dict[str, str] = {}
+        self.angles: dict[str, Array] = {}
+        self.units: dict[str, str] = {}
+        self.vectors: dict[str, Array] = {}
+        self.values: dict[str, Array] = {}
+        self.spread: dict[str, tuple[Array, str]] = {}
+        self.weight: Array | None = None
+        self.wavelength: Array | None = None
+        arrays = {label: np.asarray(column, float) for label, column in columns.items()}
+        lengths = {len(array) for array in arrays.values()}
+        if len(lengths) > 1:
+            raise ValueError(f"columns must be of one length, got {', '.join(map(str, sorted(lengths)))}.")
+        self.n = lengths.pop() if lengths else 0
+        arrays = self._without(arrays)
+        arrays |= {label: np.full(self.n, value) for label, value in options.set.items()}
+        found = {label: self._meaning(label) for label in arrays}
+        # f_r is the BRDF, unless f_g and f_b are there
+        split = {f.key: f for f in found.values() if f.kind == "channel"}
+        for label, means in found.items():
+            if means.kind == "channel" and means.key in ("f_r", "fr") and {"g", "b"} <= set(split):
+                found[label] = Meaning("channel", "r", means.unit)
+        for label, means in found.items():
+            self._sort(label, means, arrays[label])
+        self._order_channels()
 
+    def _without(self, arrays: dict[str, Array]) -> dict[str, Array]:
+        """The columns that are not to be ignored."""
+        folded = {label.strip().strip("\"'").lower(): label for label in arrays}
+        for name in self.options.ignore:
+            if (label := folded.get(name.strip().lower())) is None:
+                raise ValueError(f"there is no column {name!r} to ignore; got {self.listed}.")
+            arrays.pop(label, None)
+        return {label: array for label, array in arrays.items() if label.strip() != SKIPPED}
 
-def _listed(columns: Mapping[str, Any]) -> str:
-    text = ", ".join(columns)
-    return f"the columns {text:.200}" if text else "none"
+    def _meaning(self, label: str) -> Meaning:
+        means = meaning(label)
+        if means.kind == "unknown" and self.options.columns is not None and label in self.options.columns:
+            return Meaning("channel", label.strip())
+        return means
 
+    def _sort(self, label: str, means: Meaning, array: Array) -> None:
+        match means.kind:
+            case "angle":
+                self._once(self.angles, means.key, label)
+                self.angles[means.key], self.units[means.key] = array, means.unit
+            case "vector":
+                self._once(self.vectors, means.key, label)
+                self.vectors[means.key] = array
+            case "wavelength":
+                self._once({} if self.wavelength is None else {"wavelength": 1}, "wavelength", label)
+                self.wavelength = self._nanometres(array, means.unit, label)
+            case "weight":
+                self._once({} if self.weight is None else {"weight": 1}, "weight", label)
+                self.weight = array
+            case "std":
+                self._once(self.spread, means.key, label, "std")
+                self.spread[means.key] = (array, means.unit)
+            case "channel" | "factor" | "cosine":
+                self._check_unit(label, means)
+                self._once(self.values, means.key, label, "value")
+                self.values[means.key] = array
+            case "index" if self._counts(array, label):
+                what = f"column {label!r}" if label.strip() else "a column without a name"
+                self.remarks.append(f"{what} counts the lines, and is left out")
+            case _:
+                self._refuse(label, means)
 
-def _radians(value: Any, key: str, unit: str | None) -> Array:
-    if unit is None:
-        raise ValueError(f"column {key} must say its unit: call it {key}_deg or {key}_rad.")
-    angle = np.asarray(value, float) if key.startswith("theta") else _check.finite(value, key)
-    if key.startswith("theta"):
-        limit = 90.0 if unit == "deg" else np.pi / 2
-        bad = np.flatnonzero(~(np.abs(angle) <= limit * (1.0 + 1e-6)))
+    def _once(self, there: Mapping[str, Any], key: str, label: str, what: str = "") -> None:
+        name = f"{what} {key}".strip()
+        if key in there:
+            raise ValueError(
+                f"column {label} is there twice: {self.labels.get(name, key)} means the same. Leave one out with "
+                f"ignore=['{label}'] (--ignore {label}), or as '-' among columns=[...] (--columns)."
+            )
+        self.labels[name] = label
+
+    def _counts(self, array: Array, label: str) -> bool:
+        """Whether a column that may be an index is one, or holds nothing."""
+        if np.isnan(array).all():
+            return not label.strip()
+        steps = np.diff(array)
+        return bool(len(array) > 1 and array[0] in (0.0, 1.0) and (steps == 1.0).all())
+
+    def _refuse(self, label: str, means: Meaning) -> None:
+        name = label.strip() or "without a name"
+        why = {
+            "transmitted": "holds transmitted light, which is not part of the model",
+            "index": "looks like a number of lines, not like a reflectance",
+            "other": "is no reflectance",
+        }.get(means.kind, "is of no known meaning")
+        quoted = label.strip() or '""'
+        remedy = f"ignore=['{label.strip()}'] (--ignore {quoted})"
+        raise ValueError(
+            f"column {name} {why}. Leave it out with {remedy}, or name all columns, with '-' for one to leave out, by "
+            f"columns=[...] (--columns): any other name in it is a channel in 1/sr; got {self.listed}."
+        )
+
+    def _check_unit(self, label: str, means: Meaning) -> None:
+        """Values that are not in 1/sr need a scale, or the cosine divided out."""
+        if self.options.scale is not None:
+            return
+        if means.kind == "factor":
+            raise ValueError(
+                f"column {label} is not a BRDF in 1/sr by its name. A reflectance factor is pi times that: say "
+                "scale=0.3183 (--scale 0.3183), or scale=1 if it is in 1/sr."
+            )
+        if means.kind == "cosine" and not self.options.cosine:
+            raise ValueError(f"column {label} holds the cosine by its name: say cosine=True (--cosine).")
+        if means.unit == "percent":
+            raise ValueError(
+                f"column {label} is in percent, not in 1/sr: for a reflectance factor say scale=0.003183 "
+                f"(--scale 0.003183)."
+            )
+        if means.unit:
+            raise ValueError(
+                f"column {label} is in {means.unit:.30}, not in 1/sr: say by which factor it becomes so, "
+                f"scale=... (--scale ...)."
+            )
+
+    def _nanometres(self, array: Array, unit: str, label: str) -> Array:
+        nm = array * 1000.0 if unit == "um" or (not unit and np.nanmax(array, initial=0.0) < 20.0) else array
+        bad = ~((nm >= 100.0) & (nm <= 20000.0)) & ~np.isnan(nm)
+        if unit not in ("", "nm", "um") or bad.any():
+            got = f"{array[bad][0]:g}" if bad.any() else f"the unit {unit}"
+            raise ValueError(
+                f"column {label} must hold wavelengths in nm or um, got {got}. Leave it out with ignore (--ignore)."
+            )
+        return nm
+
+    def _order_channels(self) -> None:
+        """Red, green, blue and X, Y, Z in this order, wavelengths ascending; no X or Z alone, which may be a place."""
+        names = list(self.values)
+        guessed = {key for key in names if len(self.labels[f"value {key}"].strip()) == 1}
+        if {"X", "Z"} & guessed and not {"X", "Y", "Z"} <= set(names):
+            label = next(self.labels[f"value {key}"] for key in names if key in ("X", "Z"))
+            raise ValueError(
+                f"column {label} may be a tristimulus value, without the other two, or a place on the sample. "
+                f"Leave it out "
+                f"with ignore=['{label}'] (--ignore {label})."
+            )
+        for order in (("r", "g", "b"), ("X", "Y", "Z")):
+            if set(order) == set(names):
+                names = list(order)
+        if names and all(name.endswith("nm") and name[:-2].replace(".", "").isdigit() for name in names):
+            names.sort(key=lambda name: float(name[:-2]))
+        self.values = {name: self.values[name] for name in names}
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels, in order."""
+        return tuple(self.values)
+
+    def _at(self, index: int) -> str:
+        """Where a sample stands."""
+        return f"at index {index}" if self.lines is None else f"in line {self.lines[index]}"
+
+    def resolved(self) -> tuple[Array, Array, Array, Array | None]:
+        """Directions, values and weights."""
+        if not self.values:
+            raise ValueError(f"expected a column of values beside the directions; got {self.listed}.")
+        wi, wo = self._directions()
+        values = np.stack(list(self.values.values()), axis=-1)
+        std = self._std(values)
+        values, std = self._scaled(values, std, wo)
+        weights = self._weights()
+        rows = self._kept(wi, wo, values)
+        waves = self.wavelength
+        if not rows.all():
+            wi, wo, values = wi[rows], wo[rows], values[rows]
+            std, weights, waves = (None if x is None else x[rows] for x in (std, weights, waves))
+        if waves is not None:
+            wi, wo, values, std, weights = self._by_wavelength(wi, wo, values, std, weights, waves)
+        if std is not None:
+            # Relative variance, and no sample is better than the model can be
+            seen = np.isfinite(values)
+            bright = np.abs(np.where(seen, values, 0.0).sum(1)) / np.maximum(seen.sum(1), 1)
+            weights = LEAST_ERROR**2 / ((std / np.maximum(bright, std)) ** 2 + LEAST_ERROR**2)
+        return wi, wo, values, weights
+
+    def _directions(self) -> tuple[Array, Array]:
+        offset = self.options.phi_offset
+        if self.vectors and not self.angles:
+            wi, wo = directions.from_vectors(self.vectors)
+        elif self.vectors:
+            raise ValueError(
+                "expected angles or vectors, got both. Leave one kind out with ignore=[...] (--ignore): "
+                f"{', '.join(self.labels[key] for key in (*self.angles, *self.vectors))}."
+            )
+        else:
+            angles, remark = directions.radians(self.angles, self.units, self.labels)
+            self.remarks += [remark] if remark else []
+            wi, wo, remark = directions.from_angles(angles, self.labels)
+            self.remarks += [remark] if remark and not (offset and "azimuth" in remark) else []
+        if offset:
+            wo = directions.turned(wo, np.deg2rad(offset))
+            self.remarks.append(f"the azimuth of the view is turned by {offset:g} degrees")
+        wi, wo = np.broadcast_arrays(wi, wo)
+        return wi, wo
+
+    def _std(self, values: Array) -> Array | None:
+        """Standard deviations (n,) over the channels of a sample."""
+        if not self.spread:
+            return None
+        if self.weight is not None:
+            raise ValueError(
+                "expected a column weight or std, got both. Leave one out as '-', or with ignore (--ignore)."
+            )
+        squares = []
+        for channel, (std, unit) in self.spread.items():
+            label = self.labels[f"std {channel}".strip()]
+            if channel and channel not in self.values:
+                raise ValueError(
+                    f"column {label} is the uncertainty of {channel}, which is not there; got {self.listed}."
+                )
+            bad = np.flatnonzero(~((std > 0.0) & np.isfinite(std)))
+            if bad.size:
+                raise ValueError(
+                    f"'{label}' must be > 0 and finite, got {std[bad[0]]:g} {self._at(int(bad[0]))}. Leave the "
+                    f"column out with "
+                    f"ignore=['{label}'] (--ignore {label}), or the line."
+                )
+            if unit in ("percent", "relative"):
+                column = [list(self.values).index(channel)] if channel else slice(None)
+                share = std / (100.0 if unit == "percent" else 1.0)
+                std = share * np.nanmean(
+                    np.abs(np.where(np.isfinite(values), values, 0.0))[:, column], axis=1
+                )
+                std = np.maximum(std, np.finfo(float).tiny)
+            elif unit and self.options.scale is None:
+                raise ValueError(
+                    f"column {label} is in {unit:.30}, neither in 1/sr nor in percent. Convert it first."
+                )
+            squares.append(std**2)
+        mean: Array = np.sqrt(np.mean(squares, axis=0))
+        return mean
+
+    def _scaled(self, values: Array, std: Array | None, wo: Array) -> tuple[Array, Array | None]:
+        factor = np.full(len(values), self.options.scale or 1.0)
+        if self.options.cosine:
+            factor = np.divide(factor, wo[:, 2], out=np.full(len(values), np.nan), where=wo[:, 2] > 1e-6)
+            factor = np.where(wo[:, 2] > 1e-6, factor, np.nan)
+        if self.options.scale is None and not self.options.cosine:
+            return values, std
+        return values * factor[:, None], None if std is None else np.where(
+            np.isnan(factor), std, std * factor
+        )
+
+    def _weights(self) -> Array | None:
+        if self.weight is None:
+            return None
+        bad = np.flatnonzero(~((self.weight >= 0.0) & np.isfinite(self.weight)))
         if bad.size:
             raise ValueError(
-                f"column {key} must lie within {limit:.7g} on either side of the normal, got "
-                f"{angle.flat[bad[0]]:g} at index {bad[0]}. Check its unit, or leave the sample out."
+                f"'weights' must be >= 0 and finite, got {self.weight[bad[0]]:g} {self._at(int(bad[0]))}. Leave "
+                f"the line out."
             )
-        angle = np.clip(angle, -limit, limit)
-    return np.deg2rad(angle) if unit == "deg" else angle
+        return self.weight
 
-
-def _direction(theta: Array, phi: Array) -> Array:
-    theta, phi = np.broadcast_arrays(theta, phi)
-    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-
-
-def _unit(vectors: Array) -> Array:
-    """Vectors made unit where only their printing is to blame."""
-    norm = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    bad = np.flatnonzero(~(np.abs(norm - 1.0) <= _PRINTED))
-    if bad.size:
-        raise ValueError(
-            f"the directions must be unit vectors, got norm {norm.flat[bad[0]]:g} at index {bad[0]}."
+    def _kept(self, wi: Array, wo: Array, values: Array) -> NDArray[np.bool_]:
+        """Which samples count; says how many do not, and why."""
+        there = np.isfinite(wi).all(1) & np.isfinite(wo).all(1)
+        if self.wavelength is not None:
+            there &= np.isfinite(self.wavelength)
+        below = there & ((wi[:, 2] < -_ROUNDING) | (wo[:, 2] < -_ROUNDING))
+        rows = there & ~below
+        for bad, what in ((~there, "without a direction"), (below, "below the horizon")):
+            if bad.any():
+                first = self._at(int(np.flatnonzero(bad)[0]))
+                self.left_out.append(
+                    f"{int(bad.sum())} of {self.n} samples are {what} and left out, the first {first}."
+                )
+        if not rows.any():
+            bad = below if below.any() else ~there
+            what = "below the horizon" if below.any() else "without a direction"
+            index = int(np.flatnonzero(bad)[0]) if bad.any() else 0
+            raise ValueError(
+                f"no sample is left: all are {what}, the first {self._at(index)}. Both directions point away from the "
+                "surface, angles count from its normal (90 is the horizon). Check the units and columns."
+            )
+        if not self.options.keep:
+            return rows
+        rows = rows & self._wanted(wi, wo, values)
+        self.remarks.append(
+            f"{int(rows.sum())} of {self.n} samples kept: {', '.join(map(str, self.options.conditions))}"
         )
-    unit: Array = vectors / norm
-    return unit
+        if not rows.any():
+            raise ValueError(f"no sample satisfies keep={list(self.options.keep)} (--keep).")
+        return rows
+
+    def _wanted(self, wi: Array, wo: Array, values: Array) -> NDArray[np.bool_]:
+        """Which samples satisfy the conditions of the caller."""
+        wanted = np.ones(len(wi), dtype=bool)
+        fine = np.isfinite(wi).all(1) & np.isfinite(wo).all(1)
+        for condition in self.options.conditions:
+            quantity = np.full(len(wi), np.nan)
+            match condition.quantity:
+                case "theta_i" | "theta_o":
+                    w = (wi if condition.quantity == "theta_i" else wo)[fine]
+                    quantity[fine] = np.rad2deg(np.arctan2(np.hypot(w[:, 0], w[:, 1]), w[:, 2]))
+                case "phi":
+                    turn = np.arctan2(wo[fine, 1], wo[fine, 0]) - np.arctan2(wi[fine, 1], wi[fine, 0])
+                    quantity[fine] = np.rad2deg(turn) % 360.0
+                case "value":
+                    quantity = np.nanmax(np.where(np.isfinite(values), values, -np.inf), axis=1)
+                case "wavelength":
+                    if self.wavelength is None:
+                        raise ValueError("keep: there is no column wavelength to compare.")
+                    quantity = self.wavelength
+                case key:
+                    which = ("theta_h", "theta_d", "phi_d").index(key)
+                    quantity[fine] = np.rad2deg(half_diff.from_directions(wi[fine], wo[fine])[which])
+            # 85 degrees, as a sine and cosine, may be a bit more
+            wanted &= condition.holds(np.round(quantity, 9))
+        return wanted
+
+    def _by_wavelength(
+        self, wi: Array, wo: Array, values: Array, std: Array | None, weights: Array | None, waves: Array
+    ) -> tuple[Array, Array, Array, Array | None, Array | None]:
+        """Rows of one wavelength each to rows of all wavelengths; a pair measured twice is two rows."""
+        if len(self.values) > 1:
+            raise ValueError(
+                f"a column of wavelengths goes with one column of values, got {', '.join(self.values)}. Leave "
+                f"the others "
+                "out with ignore=[...] (--ignore)."
+            )
+        unique, which = np.unique(np.round(waves, 6), return_inverse=True)
+        pairs = np.round(np.concatenate([wi, wo], axis=1), 12) + 0.0
+        _, pair = np.unique(pairs, axis=0, return_inverse=True)
+        pair, which = pair.ravel(), which.ravel()
+        cell = pair * len(unique) + which
+        order = np.argsort(cell, kind="stable")
+        starts = np.flatnonzero(np.diff(cell[order], prepend=-1))
+        turn = np.empty(len(cell), dtype=np.int64)
+        turn[order] = np.arange(len(cell)) - np.repeat(starts, np.diff(starts, append=len(cell)))
+        _, first, row = np.unique(turn * (pair.max() + 1) + pair, return_index=True, return_inverse=True)
+        # In the order of the file
+        rank = np.argsort(np.argsort(first))
+        row, first = rank[row.ravel()], np.sort(first)
+        table = np.full((len(first), len(unique)), np.nan)
+        table[row, which] = values[:, 0]
+        count = np.bincount(row)
+        self.values = {wavelength_name(nm): table[:, i] for i, nm in enumerate(unique)}
+        if std is not None:
+            std = np.sqrt(np.bincount(row, std**2) / count)
+        if weights is not None:
+            weights = np.bincount(row, weights) / count
+        return wi[first], wo[first], table, std, weights

@@ -2,11 +2,12 @@
 
 A .npz file of ours holds a table as `values` (theta_h, theta_d, phi_d, channel) in 1/sr, NaN where invalid, with
 the angles `theta_h`, `theta_d` and `phi_d` in radians, or samples as `wi`, `wo` (n, 3), `values` (n, channel) and
-`weights` (n,). Both may have a `name`, a table a `convention`.
+`weights` (n,). Both may have a `name` and names of `channels`, a table a `convention`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 import zipfile
@@ -20,11 +21,13 @@ from numpy.typing import NDArray
 
 from dsbrdf import _files
 from dsbrdf.geometry.grids import CONVENTIONS, cell_angles
+from dsbrdf.measured.names import meaning
+from dsbrdf.measured.options import ReadOptions
 from dsbrdf.measured.samples import Samples, samples_from_columns
 from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["MEAN_PHI_D", "bivariate", "read_npy", "read_npy_array", "read_npz", "write_npz"]
+__all__ = ["MEAN_PHI_D", "bivariate", "read_arrays", "read_npy", "read_npy_array", "read_npz", "write_npz"]
 
 MAGIC = b"\x93NUMPY"
 #: As NumPy and others write it: no objects, no records.
@@ -113,14 +116,17 @@ def bivariate(
     return MeasuredBRDF(name, planes, np.ones(len(planes)), h, d, phi_d, convention, source)
 
 
-def read_npz(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF | Samples:
+def read_npz(
+    path: str | Path, options: ReadOptions | None = None, *, convention: str = "centre"
+) -> MeasuredBRDF | Samples:
     """Read a table, a theta_h x theta_d image or scattered samples from .npz.
 
     Parameters
     ----------
     path : str or Path
-        With `values` and their angles, or columns of samples as `samples_from_columns` names them, where `wi`, `wo` and
-        `values` may be whole arrays.
+        As `read_arrays` takes its arrays.
+    options : ReadOptions, optional
+        What the caller says about samples.
     convention : {"centre", "edge"}, optional
         Of a table whose file does not tell.
 
@@ -132,30 +138,75 @@ def read_npz(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF | 
         If the file cannot be read.
     """
     path = Path(path)
-    arrays = _arrays(path)
-    if "theta_h" in arrays and "values" in arrays:
+    return read_arrays(_arrays(path), path, options or ReadOptions(), convention=convention)
+
+
+def read_arrays(
+    arrays: dict[str, NDArray[Any]], path: Path, options: ReadOptions, *, convention: str = "centre"
+) -> MeasuredBRDF | Samples:
+    """A table, a theta_h x theta_d image or scattered samples from arrays with names.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        `values` alone or with the angles of a table, or columns of samples as `samples_from_columns` names them, where
+        `wi`, `wo` and `values` may be whole arrays.
+    path : Path
+        Where they come from.
+    options : ReadOptions
+    convention : {"centre", "edge"}, optional
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not those of a reflectance.
+    """
+    if "values" in arrays and not _has_directions(arrays):
         return _table(arrays, path, convention)
     name = str(arrays.pop("name", path.stem))
     labels = arrays.pop("channels", np.empty(0, "U1")).ravel().tolist()
     columns: dict[str, Any] = {}
+    ignored = {label.strip().lower() for label in options.ignore}
     for key, array in arrays.items():
         whole = key in ("wi", "wo", "values")
+        if key.lower() in ignored and not whole:
+            columns[key] = None
+            continue
         if array.dtype.kind not in "biuf" or not (array.ndim == 1 or (array.ndim == 2 and whole)):
             raise ValueError(
-                f"{path}: array {key} must be numbers of shape (n,), got {array.dtype} {array.shape}."
+                f"{path}: array {key} must be numbers of shape (n,), got {array.dtype} {array.shape}. Leave it "
+                f"out with "
+                f"ignore=['{key}'] (--ignore {key})."
             )
         parts = [array] if array.ndim == 1 else list(array.T)
         if key in ("wi", "wo"):
             columns |= {f"{key}_{axis}": part for axis, part in zip("xyz", parts, strict=False)}
         elif key == "values":
-            names = labels if len(set(labels)) == len(parts) else [f"values {i}" for i in range(len(parts))]
-            columns |= {str(label): part for label, part in zip(names, parts, strict=True)}
+            numbered = ["values"] if len(parts) == 1 else _default_names(len(parts))
+            names = labels if len(set(labels)) == len(parts) else numbered
+            # Channels by the word of the file, whatever they are called
+            columns |= {f"value:{label}": part for label, part in zip(names, parts, strict=True)}
         else:
             columns["weight" if key == "weights" else key] = array
-    if len({len(column) for column in columns.values()}) > 1:
+    there = {key: column for key, column in columns.items() if column is not None}
+    if len({len(column) for column in there.values()}) > 1:
         lengths = ", ".join(f"{key} {len(array)}" for key, array in arrays.items())
         raise ValueError(f"{path}: arrays of samples must be of one length, got {lengths}.")
-    return samples_from_columns(columns, name, Source(path))
+    kept = [label for label in options.ignore if columns.get(label, ()) is not None]
+    return samples_from_columns(there, name, Source(path), dataclasses.replace(options, ignore=kept))
+
+
+def _default_names(n: int) -> list[str]:
+    """Names of channels that have none."""
+    return ["r", "g", "b"] if n == 3 else [f"channel {i}" for i in range(n)]
+
+
+def _has_directions(arrays: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether there are directions of scattered samples, not the angles of a table."""
+    if "wi" in arrays or "wo" in arrays:
+        return True
+    kinds = {key: meaning(key) for key in arrays if key not in ("theta_h", "theta_d", "phi_d", "values")}
+    return any(found.kind in ("angle", "vector") for found in kinds.values())
 
 
 def _table(arrays: Mapping[str, NDArray[Any]], path: Path, convention: str) -> MeasuredBRDF:
@@ -166,7 +217,8 @@ def _table(arrays: Mapping[str, NDArray[Any]], path: Path, convention: str) -> M
     name, source = str(arrays.get("name", path.stem)), Source(path)
     theta_h, theta_d = (arrays.get(key) for key in ("theta_h", "theta_d"))
     if values.ndim != 4:
-        return bivariate(values, name, theta_h=theta_h, theta_d=theta_d, convention=told, source=source)
+        flat = bivariate(values, name, theta_h=theta_h, theta_d=theta_d, convention=told, source=source)
+        return dataclasses.replace(flat, channels=_labels(arrays, flat.n_channels, path))
     if values.size == 0 or values.dtype.kind not in "biuf":
         raise ValueError(
             f"{path}: expected numbers (theta_h, theta_d, phi_d, channel), got {values.dtype} {values.shape}."
@@ -178,7 +230,18 @@ def _table(arrays: Mapping[str, NDArray[Any]], path: Path, convention: str) -> M
         for (key, high), cell in zip(limits.items(), cells, strict=True)
     )
     planes = np.moveaxis(values, -1, 0)
-    return MeasuredBRDF(name, planes, np.ones(len(planes)), h, d, phi, told, source)
+    labels = _labels(arrays, len(planes), path)
+    return MeasuredBRDF(name, planes, np.ones(len(planes)), h, d, phi, told, source, channels=labels)
+
+
+def _labels(arrays: Mapping[str, NDArray[Any]], n: int, path: Path) -> tuple[str, ...]:
+    """Names of the channels of a table, if there are any."""
+    if "channels" not in arrays:
+        return ()
+    labels = tuple(map(str, arrays["channels"].ravel().tolist()))
+    if len(set(labels)) != n:
+        raise ValueError(f"{path}: expected {n} names of channels, got {labels!s:.100}.")
+    return labels
 
 
 def _ascending(value: NDArray[Any], key: str, high: float, label: str) -> NDArray[np.float64]:
@@ -201,10 +264,10 @@ def write_npz(measured: MeasuredBRDF | Samples, path: str | Path) -> None:
         If the file cannot be written.
     """
     arrays: dict[str, Any] = {"name": np.array(measured.name), "values": measured.values}
+    if len(measured.channels):
+        arrays["channels"] = np.array(list(measured.channels))
     if isinstance(measured, Samples):
         arrays |= {"wi": measured.wi, "wo": measured.wo}
-        if len(measured.channels):
-            arrays["channels"] = np.array(list(measured.channels))
         if measured.weights is not None:
             arrays["weights"] = measured.weights
     else:

@@ -1,0 +1,79 @@
+"""HDF5 files: weights of a neural BRDF, or arrays by name, as MATLAB (v7.3), h5py and netCDF-4 write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsbrdf import _files
+from dsbrdf.measured.formats.array_file import read_arrays
+from dsbrdf.measured.formats.nbrdf import read_nbrdf
+from dsbrdf.measured.options import ReadOptions
+from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.table import MeasuredBRDF
+
+__all__ = ["read_hdf5"]
+
+#: Entries of a file, and bytes that they may unpack to beyond its own.
+_MOST, _ROOM = 2000, 40_000_000
+
+
+def read_hdf5(
+    path: str | Path, options: ReadOptions | None = None, *, convention: str = "centre"
+) -> MeasuredBRDF | Samples:
+    """Read a neural BRDF, or arrays named as in a .npz file.
+
+    Raises
+    ------
+    ValueError
+        If the file holds neither.
+    ModuleNotFoundError
+        If h5py is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    path = Path(path)
+    arrays, others = _datasets(path)
+    if any(name.split("/")[-1].split(":")[0] == "kernel" for name in others):
+        return read_nbrdf(path, convention=convention)
+    if not arrays:
+        listed = ", ".join(others)
+        raise ValueError(
+            f"{path}: an HDF5 file without a neural BRDF, and without arrays at its top, but "
+            f"{listed or 'nothing':.200}. Write "
+            "the columns there, as theta_i_deg and so on, or as CSV."
+        )
+    return read_arrays(arrays, path, options or ReadOptions(), convention=convention)
+
+
+def _datasets(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Numbers at the top of the file by name, and the names of all other entries."""
+    try:
+        import h5py
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "HDF5 files need h5py: pip install 'dsbrdf[hdf5]'", name=error.name
+        ) from None
+    size = _files.regular_size(path)
+    arrays: dict[str, Any] = {}
+    others: list[str] = []
+    try:
+        with h5py.File(path, "r") as file:
+            file.visit(lambda name: others.append(name) if "/" in name and len(others) < _MOST else None)
+            for name in list(file)[:_MOST]:
+                entry = file.get(name)
+                if not isinstance(entry, h5py.Dataset) or entry.dtype.kind not in "biuf":
+                    others.append(name)
+                    continue
+                if entry.size is None or entry.size * entry.dtype.itemsize > size + _ROOM:
+                    raise ValueError(f"{name} unpacks to much more than the file")
+                array = np.asarray(entry[()])
+                # MATLAB writes (n, 1), turned
+                if array.ndim == 2 and "MATLAB_class" in entry.attrs:
+                    array = array.T
+                arrays[name] = array.ravel() if array.ndim == 2 and 1 in array.shape else array
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as error:
+        raise ValueError(f"{path}: not a sound HDF5 file: {error}.".replace("\n", " ")) from None
+    return arrays, others
