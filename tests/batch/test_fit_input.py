@@ -70,7 +70,8 @@ def test_fit_with_a_prior(small_table, tmp_path, capsys):
     write_npz(small_table, folder / "table.npz")
     write_csv(small_table, folder / "scan.csv")
     (folder / "Copyright_Notice.txt").write_text("All rights reserved.")
-    assert cli.main(["fit", str(folder), "-o", str(out), "--prior", str(tmp_path / "space.npz")]) == 0
+    arguments = ["fit", str(folder), "-o", str(out), "--prior", str(tmp_path / "space.npz"), "--scale", "1"]
+    assert cli.main(arguments) == 0
     # The table is like none of these materials, and reflects more light than it receives, as the models do
     *unlike, bright = capsys.readouterr().err.splitlines()
     assert len(unlike) == 2
