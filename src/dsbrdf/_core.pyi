@@ -101,3 +101,15 @@ def eval_slices(
     spike_sin2: float,
 ) -> _Floats: ...
 def first_not_unit(directions: _Floats, tolerance: float) -> int | None: ...
+def picture_weights(
+    normal: _Floats,
+    view: _Floats,
+    start: list[int],
+    direction: _Floats,
+    flux: _Floats,
+    radius: _Floats,
+    parts: NDArray[np.int32],
+    n_roots: int,
+    nodes: tuple[int, int],
+    azimuthal_width: float,
+) -> _Floats: ...

@@ -12,5 +12,6 @@ pub mod isotonic;
 pub mod levenberg_marquardt;
 pub mod observations;
 pub mod paper;
+pub mod picture;
 pub mod profile;
 pub mod shape;

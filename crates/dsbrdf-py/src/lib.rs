@@ -4,6 +4,7 @@ mod arrays;
 mod estimation;
 mod evaluation;
 mod paper;
+mod picture;
 mod pool;
 mod profiles;
 
@@ -17,6 +18,8 @@ mod _core {
     use crate::evaluation::{eval, eval_slices, first_not_unit};
     #[pymodule_export]
     use crate::paper::{em, fit, grow};
+    #[pymodule_export]
+    use crate::picture::picture_weights;
     #[pymodule_export]
     use crate::profiles::{collapse, decreasing};
 }

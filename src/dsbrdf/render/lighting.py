@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf.geometry import panorama
+
 __all__ = ["LIGHTS", "Softbox", "studio"]
 
 Array = NDArray[np.float64]
@@ -58,13 +60,9 @@ def studio(height: int = 256) -> Array:
     Returns
     -------
     (height, 2 height, 3) ndarray
-        Radiance, linear RGB, in the latitude-longitude form that Mitsuba's `envmap` takes: first row above, the middle
-        column toward the camera's side (+z).
+        Radiance, linear RGB, in the frame of `dsbrdf.geometry.panorama`.
     """
-    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
-    phi = np.pi * (np.arange(2 * height) + 0.5) / height
-    x, y, z = np.broadcast_arrays(np.sin(phi) * np.sin(theta), np.cos(theta), -np.cos(phi) * np.sin(theta))
-    direction = np.stack([x, y, z], axis=-1)
+    direction = panorama.directions(height, 2 * height)
     above, level, below = (np.array(colour) for colour in ROOM)
     up = direction[..., 1:2]
     radiance = level + np.maximum(up, 0.0) * (above - level) + np.maximum(-up, 0.0) * (below - level)

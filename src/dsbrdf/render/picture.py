@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files
 from dsbrdf.geometry.colour import LUMINANCE
+from dsbrdf.measured.formats.image_file import write_pixels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -158,19 +158,10 @@ def write_exr(rows: Sequence[Row], path: str | Path) -> None:
     OSError
         If the file cannot be written.
     """
-    from dsbrdf.render.variants import import_mitsuba
-
-    mi = import_mitsuba()
-    if mi.variant() is None:
-        mi.set_variant("scalar_rgb")
     columns = max(len(row.tiles) for row in rows)
     blank = np.zeros_like(rows[0].tiles[0].image)
     lines = [
         np.concatenate([*(tile.image for tile in row.tiles), *[blank] * (columns - len(row.tiles))], axis=1)
         for row in rows
     ]
-    bitmap = mi.Bitmap(np.ascontiguousarray(np.concatenate(lines), dtype=np.float32))
-    with _files.aside(path) as part:
-        # The library tells a format from an ending, and writes nothing without a word where it may not
-        part.touch()
-        bitmap.write(str(part), mi.Bitmap.FileFormat.OpenEXR)
+    write_pixels(np.concatenate(lines), path)

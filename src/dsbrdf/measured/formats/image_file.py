@@ -2,27 +2,34 @@
 
 Pixels are the cells of a table, so that theta_h grows with the square of the column. An EXR image holds values in 1/sr;
 a PNG image is decoded from sRGB to numbers from 0 to 1, taken as 1/sr, so that anything above is lost. EXR images are
-read if they have one part, whose data window is the display window.
+read if they have one part, whose data window is the display window. Pictures and environment maps are read and written here
+too, as pixels.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsbrdf import _files
 from dsbrdf.measured.formats.array_file import bivariate
 from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["EXR_MAGIC", "PNG_MAGIC", "read_image"]
+__all__ = ["EXR_MAGIC", "PNG_MAGIC", "read_image", "read_pixels", "write_pixels"]
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 #: Name, type and size of an attribute in the header of an EXR file.
 _ATTRIBUTE = re.compile(rb"([^\0]{1,255})\0([^\0]{1,255})\0(.{4})", re.DOTALL)
+#: Rows and columns in the header of an HDR file.
+_RADIANCE_SIZE = re.compile(rb"\n-Y (\d{1,9}) \+X (\d{1,9})\n")
+#: Pixels on a side of a picture.
+MAX_PICTURE = 16_384
 #: Pixels on a side; a larger image is no slice.
 MAX_SIDE = 1024
 #: Bytes that hold the header of an image.
@@ -53,13 +60,58 @@ def read_image(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF:
         If the file cannot be read.
     """
     path = Path(path)
+    pixels = read_pixels(path, MAX_SIDE, "an image slice")[::-1].swapaxes(0, 1)
+    return bivariate(pixels, path.stem, convention=convention, source=Source(path))
+
+
+def read_pixels(path: str | Path, max_side: int = MAX_PICTURE, what: str = "a picture") -> NDArray[np.float32]:
+    """Linear pixels (row, column, 3) of an EXR, HDR or PNG file; the sRGB curve of a PNG image is undone.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or has more than `max_side` pixels on a side.
+    ModuleNotFoundError
+        If Mitsuba, which reads the images, is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    path = Path(path)
     n_bytes = _files.regular_size(path)
     with path.open("rb") as file:
         width, height = _size(file.read(_HEAD), n_bytes)
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+    if not (1 <= width <= max_side and 1 <= height <= max_side):
         raise ValueError(
-            f"{path}: not an image slice: expected 1 to {MAX_SIDE} pixels on a side, got {width} x {height}."
+            f"{path}: not {what}: expected an EXR, HDR or PNG file of 1 to {max_side} pixels on a side, "
+            f"got {width} x {height}."
         )
+    mi = _mitsuba()
+    try:
+        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+    except RuntimeError as error:
+        raise ValueError(f"{path}: not a sound image: {error}") from None
+    return np.array(bitmap)
+
+
+def write_pixels(pixels: NDArray[Any], path: str | Path) -> None:
+    """Write linear pixels (row, column, channel) as OpenEXR in single precision.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    ModuleNotFoundError
+        If Mitsuba, which writes the images, is not installed.
+    """
+    mi = _mitsuba()
+    bitmap = mi.Bitmap(np.ascontiguousarray(pixels, dtype=np.float32))
+    with _files.aside(path) as part:
+        # The library tells a format from an ending, and writes nothing without a word where it may not
+        part.touch()
+        bitmap.write(str(part), mi.Bitmap.FileFormat.OpenEXR)
+
+
+def _mitsuba() -> Any:
     try:
         import mitsuba as mi
     except ModuleNotFoundError as error:
@@ -68,18 +120,15 @@ def read_image(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF:
         ) from None
     if mi.variant() is None:
         mi.set_variant("scalar_rgb")
-    try:
-        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except RuntimeError as error:
-        raise ValueError(f"{path}: not a sound image: {error}") from None
-    pixels = np.array(bitmap)[::-1].swapaxes(0, 1)
-    return bivariate(pixels, path.stem, convention=convention, source=Source(path))
+    return mi
 
 
 def _size(head: bytes, n_bytes: int) -> tuple[int, int]:
     """Width and height that the first bytes of an image of `n_bytes` tell; zero if they do not."""
     if head.startswith(PNG_MAGIC):
         return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+    if head.startswith(b"#?") and (found := _RADIANCE_SIZE.search(head)):
+        return int(found[2]), int(found[1])
     windows = {}
     place = len(EXR_MAGIC) + 4
     # What reads images would believe any size of an attribute

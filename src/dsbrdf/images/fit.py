@@ -1,0 +1,442 @@
+"""`fit_image`: a picture of an object of known shape to the reflectance of what it is made of."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dsbrdf.fitting import uncertainty
+from dsbrdf.fitting.coverage import Coverage
+from dsbrdf.images import coverage, linear, search
+from dsbrdf.images.independence import independent
+from dsbrdf.images.light import Light
+from dsbrdf.images.picture import Picture
+from dsbrdf.images.view import Camera, Points, points
+from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.space import Gaussian, MaterialSpace
+
+__all__ = ["ImageFit", "PictureWarning", "fit_image", "fit_regions", "relight"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Pixels of all pictures that are fitted, and least of each; more tell nothing that these do not.
+N_PIXELS, LEAST_PIXELS = 600, 60
+#: What a picture is first taken to be worth, in independent pixels.
+FIRST_WORTH = 100.0
+#: RMS of the residuals of the logarithm above which it is told that the picture is not explained.
+UNEXPLAINED = 0.12
+
+
+class PictureWarning(UserWarning):
+    """A picture does not hold what it should, or the model does not explain it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageFit:
+    """A reflectance found in pictures.
+
+    Parameters
+    ----------
+    model : DSBRDF
+        Up to a factor a channel, if the exposure or the light was unknown.
+    light : list of Light
+        Of each picture: as given, or as found.
+    covariance : (unknown, unknown) ndarray
+        Of the unknowns, in the order of the prior.
+    n_decided : float
+        How many of the unknowns the pictures decided; the prior decided the others.
+    n_effective : float
+        Independent pixels that the pictures are worth; see decision record 0024.
+    rms : float
+        RMS of the residuals of the logarithm over the pixels that were fitted.
+    coverage : Coverage
+        Which angles make up the pictures.
+    exposure : (channel,) ndarray
+        Factors that the pictures were found to be exposed with; ones if they were known.
+    converged : bool
+    seconds : float
+    """
+
+    model: DSBRDF
+    light: list[Light]
+    covariance: Array = field(repr=False)
+    n_decided: float
+    n_effective: float
+    rms: float
+    coverage: Coverage
+    exposure: Array
+    converged: bool
+    seconds: float
+    posterior: uncertainty.Posterior = field(repr=False)
+    pictures: list[Picture] = field(repr=False)
+    points: list[Points] = field(repr=False)
+
+    @cached_property
+    def rendered(self) -> list[Array]:
+        """The pictures (height, width, channel) that the model makes; zero where there is no object."""
+        return [
+            self.exposure * _image(linear.rendered(self.model.lobes, points, light), points, picture.shape)
+            for points, light, picture in zip(self.points, self.light, self.pictures, strict=True)
+        ]
+
+    @property
+    def residual(self) -> list[Array]:
+        """Logarithms (height, width, channel) of model over picture, with an offset; NaN where nothing is fitted."""
+        found = []
+        for made, points, picture in zip(self.rendered, self.points, self.pictures, strict=True):
+            offset = search.OFFSET * picture.flat[points.pixel].mean(0)
+            ratio = np.arcsinh(0.5 * made / offset) - np.arcsinh(0.5 * picture.pixels / offset)
+            shown = np.zeros(picture.shape, dtype=bool)
+            shown.flat[points.pixel] = True
+            found.append(np.where(shown[..., None], ratio, np.nan))
+        return found
+
+    def std(self, wi: ArrayLike, wo: ArrayLike) -> Array:
+        """Standard deviations (..., channel) in 1/sr of values at pairs of directions (..., 3)."""
+        return np.asarray(self.model.eval(wi, wo)) * self.posterior.deviation(wi, wo)
+
+    def band(self, wi: ArrayLike, wo: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+        """Lower and upper bounds (..., channel) in 1/sr that hold values with this probability.
+
+        Raises
+        ------
+        ValueError
+            If `level` is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
+        return uncertainty.band(np.asarray(self.model.eval(wi, wo)), self.posterior.deviation(wi, wo), level)
+
+
+def fit_image(
+    image: Any,
+    normals: Any,
+    light: Any,
+    *,
+    mask: Any = None,
+    camera: str = "orthographic",
+    fov: float | None = None,
+    prior: str | MaterialSpace | Gaussian = "library",
+    exposure: str = "known",
+    step: Callable[[str], None] = lambda _: None,
+) -> ImageFit:
+    """The reflectance of an object in a picture, or in several pictures, of known shape.
+
+    Parameters
+    ----------
+    image : (height, width, channel) array_like or path, or a list of them
+        Linear radiance; EXR and HDR files, or arrays. Of 8-bit images, and PNG files, the sRGB curve is undone.
+    normals : (height, width, 3) array_like or "sphere", or a list of them
+        Unit vectors in the camera's frame: x to the right, y up, z toward the camera. One for all pictures, or one each.
+    light : Light, or a list of them
+        One each picture, or one for all.
+    mask : (height, width) array_like of bool, or a list of them, optional
+        Pixels that may be used.
+    camera : {"orthographic", "perspective"}, optional
+    fov : float, optional, radians
+        Angle of view over the shorter side, of a perspective camera.
+    prior : "library", MaterialSpace or Gaussian, optional
+        What materials are like; the built-in library of materials by default.
+    exposure : {"known", "unknown"}, optional
+        With "unknown", a factor a channel, the same for all pictures, is found too: the model is then known up to it.
+    step : callable, optional
+        Told what is done next.
+
+    Returns
+    -------
+    ImageFit
+
+    Raises
+    ------
+    ValueError
+        If shapes do not agree, no pixel shows the object, or an option is unknown.
+
+    Warns
+    -----
+    PictureWarning
+        If a picture has 8 bits, or the model does not explain it.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf.images import Light, fit_image, relight
+    >>> models = [dsbrdf.fit(dsbrdf.material(name), 2).model for name in ("satin-plastic", "matte", "rough-gold")]
+    >>> lamp = Light.distant([[0.0, 0.6, 0.8], [0.9, 0.3, 0.3162]], 3.0)
+    >>> picture = relight(models[0], "sphere", lamp, size=24)
+    >>> found = fit_image(picture, "sphere", lamp, prior=dsbrdf.space.build_space(models[1:]))
+    >>> found.model.n_channels
+    3
+    """
+    begun = time.perf_counter()
+    if exposure not in ("known", "unknown"):
+        raise ValueError(f"'exposure' must be 'known' or 'unknown', got {exposure!r}.")
+    pictures, of_points, lights = _inputs(image, normals, light, mask, _camera(camera, fov))
+    gaussian = _gaussian(prior, pictures[0].n_channels)
+    step("pictures as functions of the reflectance")
+    problem = _problem(pictures, of_points, lights, gaussian, exposure == "unknown")
+    step("reflectance")
+    found, worth = solve(problem)
+    _warn_unexplained(found, pictures[0].name)
+    return finished(problem, found, worth, pictures, of_points, lights, time.perf_counter() - begun)
+
+
+def fit_regions(image: Any, normals: Any, light: Any, labels: ArrayLike, **options: Any) -> dict[int, ImageFit]:
+    """The reflectance of each region of an object of several materials.
+
+    Parameters
+    ----------
+    image, normals, light
+        As of `fit_image`.
+    labels : (height, width) array_like of int
+        Which region a pixel belongs to; 0 is none.
+    **options
+        Of `fit_image`.
+
+    Returns
+    -------
+    dict of int to ImageFit
+
+    Raises
+    ------
+    ValueError
+        As `fit_image`; if there is no region.
+    """
+    labels = np.asarray(labels)
+    given = options.pop("mask", None)
+    regions = [int(label) for label in np.unique(labels) if label != 0]
+    if not regions:
+        raise ValueError("'labels' must hold a region at least, a number that is not 0.")
+    found = {}
+    for label in regions:
+        region = labels == label
+        masks = [np.asarray(m, bool) & region for m in given] if isinstance(given, list) else region
+        if given is not None and not isinstance(given, list):
+            masks = np.asarray(given, bool) & region
+        found[label] = fit_image(image, normals, light, mask=masks, **options)
+    return found
+
+
+def relight(
+    model: DSBRDF,
+    normals: Any,
+    light: Light,
+    *,
+    size: int = 256,
+    mask: Any = None,
+    camera: str = "orthographic",
+    fov: float | None = None,
+) -> Array:
+    """Picture of an object in a light, without shadows and light between its parts.
+
+    Parameters
+    ----------
+    model : DSBRDF
+    normals : (height, width, 3) array_like or "sphere"
+    light : Light
+    size : int, optional
+        Pixels along a side of the picture of a sphere.
+    mask, camera, fov
+        As of `fit_image`.
+
+    Returns
+    -------
+    (height, width, channel) ndarray
+        Linear radiance; zero where there is no object.
+
+    Raises
+    ------
+    ValueError
+        If model and light have other channels; and as `fit_image`.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf.images import Light, relight
+    >>> model = dsbrdf.fit(dsbrdf.material("satin-plastic"), 2).model
+    >>> relight(model, "sphere", Light.distant([[0.0, 0.6, 0.8]]), size=32).shape
+    (32, 32, 3)
+    """
+    if model.n_channels != light.n_channels:
+        raise ValueError(f"the light has {light.n_channels} channels, the model {model.n_channels}.")
+    if isinstance(normals, str):
+        shape = (size, size) if mask is None else np.shape(mask)
+    else:
+        normals = np.asarray(normals, dtype=np.float64)
+        shape = normals.shape[:2]
+    mask = None if mask is None else np.asarray(mask, dtype=bool)
+    seen = points(normals, shape, _camera(camera, fov), mask, least_cosine=0.0)
+    return _image(linear.rendered(model.lobes, seen, light), seen, shape)
+
+
+def _camera(camera: str, fov: float | None) -> Camera:
+    if camera not in ("orthographic", "perspective"):
+        raise ValueError(f"'camera' must be 'orthographic' or 'perspective', got {camera!r}.")
+    if (camera == "perspective") != (fov is not None):
+        raise ValueError("'fov' is the angle of view, in radians, of a perspective camera, and of no other.")
+    return Camera(fov)
+
+
+def _image(pixels: Array, of_points: Points, shape: tuple[int, ...]) -> Array:
+    """An image (height, width, channel) of some pixels (pixel, channel)."""
+    image = np.zeros((shape[0] * shape[1], pixels.shape[1]))
+    image[of_points.pixel] = pixels
+    return image.reshape(shape[0], shape[1], -1)
+
+
+def _inputs(
+    image: Any, normals: Any, light: Any, mask: Any, camera: Camera
+) -> tuple[list[Picture], list[Points], list[Light]]:
+    """Pictures, their points and lights."""
+    images = list(image) if isinstance(image, list | tuple) else [image]
+    n = len(images)
+    each = {}
+    for name, value in (("normals", normals), ("light", light), ("mask", mask)):
+        values = list(value) if isinstance(value, list | tuple) else [value] * n
+        if len(values) != n:
+            raise ValueError(f"'{name}' must be one, or one for each of {n} pictures, got {len(values)}.")
+        each[name] = values
+    if not n:
+        raise ValueError("'image' must be a picture at least, got none.")
+    pictures, seen = [], []
+    for i, (one, normal, shown) in enumerate(zip(images, each["normals"], each["mask"], strict=True)):
+        picture = Picture.of(one, f"picture {i + 1}" if n > 1 else "the picture")
+        if picture.note:
+            warnings.warn(f"{picture.name}: {picture.note}", PictureWarning, stacklevel=4)
+        outline = None if shown is None else np.asarray(shown, dtype=bool)
+        found = points(normal, picture.shape, camera, outline)
+        usable = picture.valid.ravel()[found.pixel]
+        if not usable.any():
+            raise ValueError(f"{picture.name}: no pixel of the object is valid: all are clipped, negative or not finite.")
+        pictures.append(picture)
+        seen.append(found.take(np.flatnonzero(usable)))
+    for i, one in enumerate(each["light"]):
+        if not isinstance(one, Light):
+            raise TypeError(
+                f"'light' must be a dsbrdf.images.Light, got {type(one).__name__}. Light.from_map(path) reads a map."
+            )
+        if one.n_channels != pictures[i].n_channels:
+            raise ValueError(
+                f"{pictures[i].name}: {pictures[i].n_channels} channels, where the light has {one.n_channels}."
+            )
+    return pictures, seen, each["light"]
+
+
+def _gaussian(prior: str | MaterialSpace | Gaussian, n_channels: int) -> Gaussian:
+    if isinstance(prior, str):
+        if prior != "library":
+            raise ValueError(f"'prior' must be 'library', a MaterialSpace or a Gaussian, got {prior!r}.")
+        from dsbrdf import space
+
+        prior = space.builtin()
+    gaussian = prior if isinstance(prior, Gaussian) else prior.gaussian()
+    if len(gaussian.channels) != n_channels:
+        raise ValueError(
+            f"a picture of {n_channels} channels does not go with a prior of {len(gaussian.channels)}: "
+            f"{', '.join(gaussian.channels)}. Give a picture with these channels."
+        )
+    return gaussian
+
+
+def _problem(
+    pictures: Sequence[Picture], of_points: Sequence[Points], lights: Sequence[Light], gaussian: Gaussian, exposure: bool
+) -> search.Problem:
+    """What is to be solved, for some pixels of each picture."""
+    most = max(N_PIXELS // len(pictures), LEAST_PIXELS)
+    weights, pixels, places = [], [], []
+    for picture, seen, light in zip(pictures, of_points, lights, strict=True):
+        some = seen.take(chosen(picture.flat[seen.pixel], most))
+        made = linear.weights(some, light)
+        weights.append(made.reshape(*made.shape[:2], -1).transpose(1, 0, 2).astype(np.float32))
+        pixels.append(picture.flat[some.pixel])
+        places.append(some.normal[some.start[:-1]])
+    values = np.concatenate(pixels)
+    offset = search.OFFSET * np.maximum(values.mean(0), 1e-12)
+    groups = np.repeat(np.arange(len(pixels)), [len(p) for p in pixels])
+    return search.Problem(
+        np.ascontiguousarray(np.concatenate(weights, axis=1)),
+        values,
+        offset,
+        gaussian,
+        FIRST_WORTH,
+        exposure,
+        np.concatenate(places),
+        groups,
+    )
+
+
+def chosen(values: Array, most: int) -> NDArray[np.int_]:
+    """Indices of `most` pixels (pixel, channel) at most: half of them even over the picture, half over brightness."""
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    even = np.linspace(0, n - 1, most // 2).astype(int)
+    brightness = np.log(values.mean(1) + 1e-3 * values.mean())
+    order = np.argsort(brightness, kind="stable")
+    levels = np.linspace(brightness[order[0]], brightness[order[-1]], most - most // 2)
+    by_level = order[np.minimum(np.searchsorted(brightness[order], levels), n - 1)]
+    return np.unique(np.concatenate([even, by_level]))
+
+
+def solve(problem: search.Problem) -> tuple[search.Solution, float]:
+    """Solution, and what the pictures are worth, which is found from the residuals of a first one."""
+    import dataclasses
+
+    first = problem.solve(problem.start)
+    worth = independent(first.residual, problem.places, problem.groups)
+    found = dataclasses.replace(problem, n_effective=worth).solve(first.x)
+    return found, worth
+
+
+def finished(
+    problem: search.Problem,
+    found: search.Solution,
+    worth: float,
+    pictures: list[Picture],
+    of_points: list[Points],
+    lights: list[Light],
+    seconds: float,
+) -> ImageFit:
+    """The fit of a solution."""
+    gaussian = problem.gaussian
+    n = len(gaussian.mean)
+    covariance = np.linalg.inv(worth * found.hessian + problem.precision)
+    n_decided = float(np.trace(covariance @ (worth * found.hessian)))
+    lobes = search.raw_lobes(found.x[:n], gaussian)
+    order = np.argsort(lobes.gamma.mean(1), kind="stable")
+    fit_options = {"from": "pictures", "prior": True, "exposure": "unknown" if problem.exposure else "known"}
+    model = DSBRDF(lobes.take(order), gaussian.channels, name=pictures[0].name, fit_options=fit_options)
+    return ImageFit(
+        model,
+        lights,
+        covariance,
+        n_decided,
+        worth,
+        float(np.sqrt((found.residual**2).mean())),
+        coverage.of(problem, lobes),
+        np.exp(found.x[n:]) if problem.exposure else np.ones(problem.pixels.shape[1]),
+        found.converged,
+        seconds,
+        uncertainty.Posterior(lobes, covariance[:n, :n], n_decided),
+        pictures,
+        of_points,
+    )
+
+
+def _warn_unexplained(found: search.Solution, name: str) -> None:
+    miss = float(np.sqrt((found.residual**2).mean()))
+    if miss > UNEXPLAINED:
+        warnings.warn(
+            f"{name}: the model misses the pixels by a factor of {np.exp(miss):.2f} (RMS). Check the normals, the "
+            "light and the exposure; flakes, shadows and light between parts of the object are not in the model.",
+            PictureWarning,
+            stacklevel=4,
+        )
