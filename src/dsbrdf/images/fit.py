@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -20,6 +21,7 @@ from dsbrdf.images.independence import independent
 from dsbrdf.images.light import Light
 from dsbrdf.images.picture import Picture
 from dsbrdf.images.view import Camera, Points, points
+from dsbrdf.measured.formats import image_file
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space import Gaussian, MaterialSpace
 
@@ -29,9 +31,11 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Pixels of all pictures that are fitted, and least of each; more tell nothing that these do not.
-N_PIXELS, LEAST_PIXELS = 600, 60
-#: What a picture is first taken to be worth, in independent pixels.
-FIRST_WORTH = 100.0
+N_PIXELS, LEAST_PIXELS = 600, 20
+#: What a picture is taken to be worth, in independent pixels, on the way to the material and for it.
+WAY_WORTH, WORTH = 30.0, 300.0
+#: For intervals it is worth so many times less than its residuals show: what the lobes bend to, they do not show.
+HIDDEN = 5.0
 #: RMS of the residuals of the logarithm above which it is told that the picture is not explained.
 UNEXPLAINED = 0.12
 
@@ -55,7 +59,7 @@ class ImageFit:
     n_decided : float
         How many of the unknowns the pictures decided; the prior decided the others.
     n_effective : float
-        Independent pixels that the pictures are worth; see decision record 0024.
+        Independent pixels that the pictures are worth in `covariance` and `n_decided`; see decision record 0024.
     rms : float
         RMS of the residuals of the logarithm over the pixels that were fitted.
     coverage : Coverage
@@ -84,21 +88,54 @@ class ImageFit:
     def rendered(self) -> list[Array]:
         """The pictures (height, width, channel) that the model makes; zero where there is no object."""
         return [
-            self.exposure * _image(linear.rendered(self.model.lobes, points, light), points, picture.shape)
-            for points, light, picture in zip(self.points, self.light, self.pictures, strict=True)
+            self.exposure * _image(linear.rendered(self.model.lobes, seen, light), seen, picture.shape)
+            for seen, light, picture in zip(self.points, self.light, self.pictures, strict=True)
         ]
 
     @property
     def residual(self) -> list[Array]:
         """Logarithms (height, width, channel) of model over picture, with an offset; NaN where nothing is fitted."""
         found = []
-        for made, points, picture in zip(self.rendered, self.points, self.pictures, strict=True):
-            offset = search.OFFSET * picture.flat[points.pixel].mean(0)
+        for made, seen, picture in zip(self.rendered, self.points, self.pictures, strict=True):
+            offset = search.OFFSET * picture.flat[seen.pixel].mean(0)
             ratio = np.arcsinh(0.5 * made / offset) - np.arcsinh(0.5 * picture.pixels / offset)
             shown = np.zeros(picture.shape, dtype=bool)
-            shown.flat[points.pixel] = True
+            shown.flat[seen.pixel] = True
             found.append(np.where(shown[..., None], ratio, np.nan))
         return found
+
+    @property
+    def summary(self) -> str:
+        """What was found, in a few sentences."""
+        parts = [
+            f"{self.model.n_lobes} lobes; the picture is missed by {self.rms:.1%} (RMS of the logarithm)",
+            f"it is worth {self.n_effective:.0f} independent pixels and decided {self.n_decided:.0f} of "
+            f"{len(self.covariance)} numbers, the prior the others",
+        ]
+        if self.is_up_to_scale:
+            parts.append("the model is known up to a scale a channel")
+        if self.coverage.sentence:
+            parts.append(self.coverage.sentence)
+        return ". ".join(part[0].upper() + part[1:] for part in parts) + "."
+
+    @property
+    def is_up_to_scale(self) -> bool:
+        """Whether the model is known only up to a scale a channel."""
+        return self.model.fit_options.get("exposure") == "unknown"
+
+    def write_light(self, path: str | Path) -> None:
+        """Write the map of the first picture's light as OpenEXR.
+
+        Raises
+        ------
+        ValueError
+            If the light is no map.
+        OSError
+            If the file cannot be written.
+        """
+        if self.light[0].map is None:
+            raise ValueError("the light is a list of directions, not a map: there is nothing to write.")
+        image_file.write_pixels(self.light[0].map, path)
 
     def std(self, wi: ArrayLike, wo: ArrayLike) -> Array:
         """Standard deviations (..., channel) in 1/sr of values at pairs of directions (..., 3)."""
@@ -136,7 +173,7 @@ def fit_image(
     image : (height, width, channel) array_like or path, or a list of them
         Linear radiance; EXR and HDR files, or arrays. Of 8-bit images, and PNG files, the sRGB curve is undone.
     normals : (height, width, 3) array_like or "sphere", or a list of them
-        Unit vectors in the camera's frame: x to the right, y up, z toward the camera. One for all pictures, or one each.
+        Unit vectors in the camera's frame: x to the right, y up, z toward the camera. One for all, or one each.
     light : Light, or a list of them
         One each picture, or one for all.
     mask : (height, width) array_like of bool, or a list of them, optional
@@ -184,12 +221,14 @@ def fit_image(
     step("pictures as functions of the reflectance")
     problem = _problem(pictures, of_points, lights, gaussian, exposure == "unknown")
     step("reflectance")
-    found, worth = solve(problem)
+    found = solve(problem)
     _warn_unexplained(found, pictures[0].name)
-    return finished(problem, found, worth, pictures, of_points, lights, time.perf_counter() - begun)
+    return finished(problem, found, pictures, of_points, lights, time.perf_counter() - begun)
 
 
-def fit_regions(image: Any, normals: Any, light: Any, labels: ArrayLike, **options: Any) -> dict[int, ImageFit]:
+def fit_regions(
+    image: Any, normals: Any, light: Any, labels: ArrayLike, **options: Any
+) -> dict[int, ImageFit]:
     """The reflectance of each region of an object of several materials.
 
     Parameters
@@ -315,7 +354,9 @@ def _inputs(
         found = points(normal, picture.shape, camera, outline)
         usable = picture.valid.ravel()[found.pixel]
         if not usable.any():
-            raise ValueError(f"{picture.name}: no pixel of the object is valid: all are clipped, negative or not finite.")
+            raise ValueError(
+                f"{picture.name}: no pixel of the object is valid: all are clipped, negative or not finite."
+            )
         pictures.append(picture)
         seen.append(found.take(np.flatnonzero(usable)))
     for i, one in enumerate(each["light"]):
@@ -347,7 +388,11 @@ def _gaussian(prior: str | MaterialSpace | Gaussian, n_channels: int) -> Gaussia
 
 
 def _problem(
-    pictures: Sequence[Picture], of_points: Sequence[Points], lights: Sequence[Light], gaussian: Gaussian, exposure: bool
+    pictures: Sequence[Picture],
+    of_points: Sequence[Points],
+    lights: Sequence[Light],
+    gaussian: Gaussian,
+    exposure: bool,
 ) -> search.Problem:
     """What is to be solved, for some pixels of each picture."""
     most = max(N_PIXELS // len(pictures), LEAST_PIXELS)
@@ -366,7 +411,7 @@ def _problem(
         values,
         offset,
         gaussian,
-        FIRST_WORTH,
+        WORTH,
         exposure,
         np.concatenate(places),
         groups,
@@ -386,20 +431,15 @@ def chosen(values: Array, most: int) -> NDArray[np.int_]:
     return np.unique(np.concatenate([even, by_level]))
 
 
-def solve(problem: search.Problem) -> tuple[search.Solution, float]:
-    """Solution, and what the pictures are worth, which is found from the residuals of a first one."""
-    import dataclasses
-
-    first = problem.solve(problem.start)
-    worth = independent(first.residual, problem.places, problem.groups)
-    found = dataclasses.replace(problem, n_effective=worth).solve(first.x)
-    return found, worth
+def solve(problem: search.Problem) -> search.Solution:
+    """The most probable material; the prior leads the way there."""
+    on_the_way = dataclasses.replace(problem, n_effective=WAY_WORTH)
+    return problem.solve(on_the_way.solve(problem.start, search.LOOSE).x)
 
 
 def finished(
     problem: search.Problem,
     found: search.Solution,
-    worth: float,
     pictures: list[Picture],
     of_points: list[Points],
     lights: list[Light],
@@ -408,7 +448,8 @@ def finished(
     """The fit of a solution."""
     gaussian = problem.gaussian
     n = len(gaussian.mean)
-    covariance = np.linalg.inv(worth * found.hessian + problem.precision)
+    worth = max(independent(found.residual, problem.places, problem.groups) / HIDDEN, 1.0)
+    covariance: Array = np.linalg.inv(worth * found.hessian + problem.precision).astype(np.float64)
     n_decided = float(np.trace(covariance @ (worth * found.hessian)))
     lobes = search.raw_lobes(found.x[:n], gaussian)
     order = np.argsort(lobes.gamma.mean(1), kind="stable")

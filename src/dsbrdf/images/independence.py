@@ -21,7 +21,7 @@ LEAST = 20.0
 
 
 def independent(residual: Array, normals: Array, groups: NDArray[np.int_]) -> float:
-    """Independent pixels that residuals (pixel, channel) with normals (pixel, 3) are worth; pictures (pixel,) do not mix."""
+    """What residuals (pixel, channel) with normals (pixel, 3) are worth; pictures (pixel,) do not mix."""
     total = 0.0
     for group in np.unique(groups):
         some = groups == group
@@ -34,8 +34,7 @@ def _of_picture(residual: Array, normals: Array) -> float:
     angle = np.rad2deg(np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)))
     apart = np.digitize(angle, EDGES) - 1
     apart[np.diag_indices(n)] = -1
-    centred = residual
-    products = centred @ centred.T
+    products = residual @ residual.T
     variance = float(np.diag(products).mean())
     if variance <= 0.0:
         return float(n)

@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 #: Rows of the coarsest and of the finest level of a map.
 COARSEST, FINEST = 16, 512
-#: Rows of the level that every part of a map is taken apart to; beyond, only parts that hold more than this share of the light.
+#: Rows of the level that every part of a map is taken apart to; beyond, only parts with more than this share of the
+#: light.
 EVERYWHERE = 128
 SHARE = 1.0 / 4096.0
 
@@ -126,7 +127,9 @@ class Light:
         if given.ndim != 3 or 0 in given.shape:
             raise ValueError(f"{label}: expected (height, width, channel), got shape {given.shape}.")
         if not (np.isfinite(given) & (given >= 0.0)).all():
-            raise ValueError(f"{label}: radiance must be finite and not negative. Replace such pixels, by 0 for instance.")
+            raise ValueError(
+                f"{label}: radiance must be finite and not negative. Replace such pixels, by 0 for instance."
+            )
         if not given.any():
             raise ValueError(f"{label}: is black. Give a map with light in it.")
         return cls(*_tree(given), map=given)
@@ -141,7 +144,9 @@ def _tree(radiance: Array) -> tuple[Array, Array, Array, NDArray[np.int32], int]
     """Direction, flux, radius and parts of the cells of all levels, and the number of the coarsest."""
     steps = int(np.clip(np.round(np.log2(len(radiance) / COARSEST)), 0, np.log2(FINEST / COARSEST)))
     rows = COARSEST << steps
-    flux = _resized(_resized(radiance * panorama.solid_angles(*radiance.shape[:2])[..., None], rows, 0), 2 * rows, 1)
+    flux = _resized(
+        _resized(radiance * panorama.solid_angles(*radiance.shape[:2])[..., None], rows, 0), 2 * rows, 1
+    )
     levels = [flux]
     moments = [flux.sum(-1, keepdims=True) * panorama.directions(rows, 2 * rows)]
     for _ in range(steps):
@@ -172,13 +177,14 @@ def _tree(radiance: Array) -> tuple[Array, Array, Array, NDArray[np.int32], int]
         parts.append(index)
         cells = below.ravel()
         end += len(cells)
-    return (*(np.concatenate(each) for each in (directions, fluxes, radii)), np.concatenate(parts), 2 * COARSEST**2)  # type: ignore[return-value]
+    direction, of, radius = (np.concatenate(each) for each in (directions, fluxes, radii))
+    return direction, of, radius, np.concatenate(parts), 2 * COARSEST**2
 
 
 def _halved(sums: Array) -> Array:
     """Sums over 2 x 2 cells."""
     height, width, n = sums.shape
-    return sums.reshape(height // 2, 2, width // 2, 2, n).sum((1, 3))
+    return np.asarray(sums.reshape(height // 2, 2, width // 2, 2, n).sum((1, 3)))
 
 
 def _resized(sums: Array, n: int, axis: int) -> Array:
@@ -192,4 +198,4 @@ def _resized(sums: Array, n: int, axis: int) -> Array:
     first = np.minimum(at.astype(int), size - 1)
     share = (at - first).reshape(-1, *[1] * (moved.ndim - 1))
     edges = below[first] + share * (below[first + 1] - below[first])
-    return np.moveaxis(np.diff(edges, axis=0), 0, axis)
+    return np.asarray(np.moveaxis(np.diff(edges, axis=0), 0, axis))

@@ -1,8 +1,8 @@
 """A picture as a linear function of the reflectance, `picture = weights values`.
 
-The reflectance stands for its values at nodes of theta_h, theta_d and of the azimuthal factor times cos(2 phi_d); between
-them it is cubic, cubic and quadratic. The weights are made once for normals, directions of view and light, by the
-kernel (`crates/dsbrdf-core/src/picture.rs`), and serve any reflectance.
+The reflectance stands for its values at nodes of theta_h, theta_d and of the azimuthal factor times cos(2 phi_d);
+between them it is cubic, cubic and quadratic. The weights are made once for normals, directions of view and light, by
+the kernel (`crates/dsbrdf-core/src/picture.rs`), and serve any reflectance.
 """
 
 from __future__ import annotations
@@ -57,13 +57,15 @@ class Nodes:
     def values(self, lobes: Lobes) -> Array:
         """Values (node, channel)."""
         log_cos, x = self.positions
-        curves = {name: curve_design(x, getattr(lobes, name).shape[1]) @ getattr(lobes, name).T for name in SHARED}
+        curves = {
+            name: curve_design(x, getattr(lobes, name).shape[1]) @ getattr(lobes, name).T for name in SHARED
+        }
         colour = np.einsum("nj,ckj->nck", curve_design(x, lobes.colour.shape[2]), lobes.colour)
         power = curves["scale"] + np.exp(curves["gamma"]) * log_cos[:, None]
         height = np.expm1(np.exp(np.minimum(power[:, None] + colour, MAX_LN_KAPPA)))
         falloff = (curves["falloff"] * log_cos[:, None])[:, None]
         factor = np.exp(curves["beta"][:, None] * AZIMUTHS[:, None] + falloff)
-        return np.einsum("nck,nak->nac", height, factor).reshape(-1, lobes.n_channels)
+        return np.asarray(np.einsum("nck,nak->nac", height, factor).reshape(-1, lobes.n_channels))
 
     def linearise(self, lobes: Lobes) -> tuple[Array, Array]:
         """Values (node, channel), and derivatives (node, channel, unknown)."""

@@ -73,18 +73,20 @@ class Picture:
         if isinstance(image, str | Path):
             path = Path(image)
             name = path.stem
-            array = image_file.read_pixels(path)
+            array: NDArray[Any] = image_file.read_pixels(path)
             if path.suffix.lower() not in (".exr", ".hdr"):
                 note = NOTE
             label = str(path)
         else:
             array, label = np.asarray(image), name
             if array.dtype == np.uint8:
-                array, note = _linear(array / 255.0), NOTE
+                array, note = _linear(np.asarray(array / 255.0, dtype=np.float64)), NOTE
         pixels = np.asarray(array, dtype=np.float64)
         if pixels.ndim != 3 or 0 in pixels.shape:
-            raise ValueError(f"{label}: a picture must be (height, width, channel), got shape {pixels.shape}.")
-        valid = (np.isfinite(pixels) & (pixels >= 0.0)).all(-1)
+            raise ValueError(
+                f"{label}: a picture must be (height, width, channel), got shape {pixels.shape}."
+            )
+        valid = np.asarray((np.isfinite(pixels) & (pixels >= 0.0)).all(-1))
         if note:
             valid &= (pixels < _linear(np.array(CLIPPED))).all(-1)
         if not pixels[valid].any():

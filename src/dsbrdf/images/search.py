@@ -1,8 +1,8 @@
 """The search for a material whose picture is the given one: Gauss-Newton steps on the unknowns of the estimator.
 
 What is minimised is that of `dsbrdf.fitting.estimator`, `n ln(S) + (x - m)' P (x - m)`: twice the negative logarithm of
-the posterior, with the size of the noise integrated out. S is the mean of squared residuals of the logarithm with an offset,
-n the independent observations that the picture is worth, m and P the mean and the precision of the prior.
+the posterior, with the size of the noise integrated out. S is the mean of squared residuals of the logarithm with an
+offset, n the independent observations that the picture is worth, m and P the mean and the precision of the prior.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ LEAST_SQUARES = 1e-6
 #: Standard deviation of the logarithm of an unknown exposure.
 EXPOSURE = 3.0
 MAX_STEPS = 40
-#: Decrease of the objective that ends the search.
-TOLERANCE = 0.02
+#: Decrease of the objective that ends the search, and that ends one that another will follow.
+TOLERANCE, LOOSE = 0.05, 1.0
 #: Range of the curves' unknowns: exponentials stay numbers.
 FALLOFF_END = 20.0
 
@@ -137,12 +137,17 @@ class Problem:
         rows, channels = self.pixels.shape
         residual = np.empty((rows, channels))
         jacobian = np.zeros((channels, rows, len(x)))
-        for c, (w, factor, offset) in enumerate(zip(self.weights, self._factors(x), self.offset, strict=True)):
-            stacked = np.concatenate([value[:, c, None], by_unknown[:, c]], axis=1, dtype=np.float32, casting="unsafe")
+        for c, (w, factor, offset) in enumerate(
+            zip(self.weights, self._factors(x), self.offset, strict=True)
+        ):
+            some = self._columns[c]
+            stacked = np.concatenate(
+                [value[:, c, None], by_unknown[:, c, some]], axis=1, dtype=np.float32, casting="same_kind"
+            )
             made = factor * (w @ stacked).astype(np.float64)
             residual[:, c] = np.arcsinh(0.5 * made[:, 0] / offset)
             slope = 1.0 / np.hypot(made[:, 0], 2.0 * offset)
-            jacobian[c, :, :n] = slope[:, None] * made[:, 1:]
+            jacobian[c][:, some] = slope[:, None] * made[:, 1:]
             if self.exposure:
                 jacobian[c, :, n + c] = slope * made[:, 0]
         return residual - self._target, jacobian
@@ -154,6 +159,14 @@ class Problem:
         return np.exp(x[len(self.gaussian.mean) :]) if self.exposure else np.ones(self.pixels.shape[1])
 
     @cached_property
+    def _columns(self) -> list[NDArray[np.int_]]:
+        """Unknowns of the prior that each channel depends on: not the colours of others."""
+        n_channels, n = self.pixels.shape[1], len(self.gaussian.mean)
+        n_colours = self.gaussian.n_lobes * self.gaussian.sizes.colour if n_channels > 1 else 0
+        shared = np.arange(n - n_channels * n_colours)
+        return [np.r_[shared, len(shared) + c * n_colours + np.arange(n_colours)] for c in range(n_channels)]
+
+    @cached_property
     def _target(self) -> Array:
         return np.asarray(np.arcsinh(0.5 * self.pixels / self.offset))
 
@@ -163,7 +176,7 @@ class Problem:
         off = x - self.start
         return self.n_effective * np.log(squares) + float(off @ self.precision @ off), squares
 
-    def solve(self, x: Array) -> Solution:
+    def solve(self, x: Array, tolerance: float = TOLERANCE) -> Solution:
         """Search from some unknowns (unknown,)."""
         precision, start = self.precision, self.start
         damping = 1e-3
@@ -186,7 +199,7 @@ class Problem:
             else:
                 converged = True
                 break
-            converged = value - new < TOLERANCE
+            converged = value - new < tolerance
             x, value, squares = tried, new, new_squares
             residual, jacobian = self.linearise(x)
             damping = max(damping / 6.0, 1e-6)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 #: Points along a side of a pixel of a sphere: a pixel sees several normals.
 SUB = 2
-#: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and few materials are known.
+#: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and models err most.
 LEAST_COSINE = float(np.cos(np.deg2rad(80.0)))
 
 
@@ -40,7 +40,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         if self.fov is not None and not 0.0 < self.fov < np.pi:
-            raise ValueError(f"'fov' must be between 0 and pi radians, got {self.fov:g}. Degrees? Use numpy.deg2rad.")
+            raise ValueError(
+                f"'fov' must be between 0 and pi radians, got {self.fov:g}. Degrees? Use numpy.deg2rad."
+            )
 
     def views(self, x: Array, y: Array) -> Array:
         """Unit vectors (..., 3) toward the camera from what is seen at (x, y), -1 to 1 over the shorter side."""
@@ -48,7 +50,7 @@ class Camera:
             return np.broadcast_to([0.0, 0.0, 1.0], (*x.shape, 3)).copy()
         tangent = np.tan(0.5 * self.fov)
         toward = np.stack([-tangent * x, -tangent * y, np.ones_like(x)], axis=-1)
-        return toward / np.linalg.norm(toward, axis=-1, keepdims=True)
+        return np.asarray(toward / np.linalg.norm(toward, axis=-1, keepdims=True))
 
     def sphere(self, x: Array, y: Array, disc: tuple[float, float, float]) -> Array:
         """Normals (..., 3) of a sphere whose outline is a disc (x, y, radius); NaN off it."""
@@ -95,8 +97,12 @@ class Points:
         if len(which) and (counts == counts[0]).all():
             n = int(counts[0])
             rows = (n * which[:, None] + np.arange(n)).ravel()
-            return Points(self.pixel[which], self.normal[rows], self.view[rows], n * np.arange(len(which) + 1))
-        rows = np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in which] or [np.empty(0, int)])
+            return Points(
+                self.pixel[which], self.normal[rows], self.view[rows], n * np.arange(len(which) + 1)
+            )
+        rows = np.concatenate(
+            [np.arange(self.start[i], self.start[i + 1]) for i in which] or [np.empty(0, int)]
+        )
         start = np.concatenate([[0], np.cumsum(counts[which])])
         return Points(self.pixel[which], self.normal[rows], self.view[rows], start)
 
@@ -146,7 +152,9 @@ def points(
     else:
         found = np.asarray(normals, dtype=np.float64)
         if found.shape != (*shape, 3):
-            raise ValueError(f"'normals' must have shape {(*shape, 3)} as the picture has, got {found.shape}.")
+            raise ValueError(
+                f"'normals' must have shape {(*shape, 3)} as the picture has, got {found.shape}."
+            )
         length = np.linalg.norm(found, axis=-1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.where(np.abs(length - 1.0) < 0.1, found / length, np.nan)[:, :, None]
@@ -162,7 +170,9 @@ def points(
         )
     rows, columns = np.divmod(pixel, width)
     normal, view = (array[rows, columns].reshape(-1, 3) for array in (found, views))
-    return Points(pixel, np.ascontiguousarray(normal), np.ascontiguousarray(view), n * n * np.arange(len(pixel) + 1))
+    return Points(
+        pixel, np.ascontiguousarray(normal), np.ascontiguousarray(view), n * n * np.arange(len(pixel) + 1)
+    )
 
 
 def _disc(mask: NDArray[np.bool_] | None, shape: tuple[int, int]) -> tuple[float, float, float]:

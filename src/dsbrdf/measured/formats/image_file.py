@@ -2,8 +2,8 @@
 
 Pixels are the cells of a table, so that theta_h grows with the square of the column. An EXR image holds values in 1/sr;
 a PNG image is decoded from sRGB to numbers from 0 to 1, taken as 1/sr, so that anything above is lost. EXR images are
-read if they have one part, whose data window is the display window. Pictures and environment maps are read and written here
-too, as pixels.
+read if they have one part, whose data window is the display window. Pictures and environment maps are read and
+written here too, as pixels.
 """
 
 from __future__ import annotations
@@ -64,8 +64,12 @@ def read_image(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF:
     return bivariate(pixels, path.stem, convention=convention, source=Source(path))
 
 
-def read_pixels(path: str | Path, max_side: int = MAX_PICTURE, what: str = "a picture") -> NDArray[np.float32]:
+def read_pixels(
+    path: str | Path, max_side: int = MAX_PICTURE, what: str = "a picture", *, decode: bool = True
+) -> NDArray[np.float32]:
     """Linear pixels (row, column, 3) of an EXR, HDR or PNG file; the sRGB curve of a PNG image is undone.
+
+    Without `decode`, a PNG image is taken for linear, 0 to 1.
 
     Raises
     ------
@@ -87,7 +91,10 @@ def read_pixels(path: str | Path, max_side: int = MAX_PICTURE, what: str = "a pi
         )
     mi = _mitsuba()
     try:
-        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+        bitmap = mi.Bitmap(str(path))
+        if not decode:
+            bitmap.set_srgb_gamma(False)
+        bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
     except RuntimeError as error:
         raise ValueError(f"{path}: not a sound image: {error}") from None
     return np.array(bitmap)
