@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::arrow::Arrow;
 use crate::basis::WIDTH;
-use crate::exp::{exp, expm1};
+use crate::exp::{exp, expm1, ln};
 use crate::levenberg_marquardt::LeastSquares;
 use crate::observations::Observations;
 use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
@@ -17,6 +17,8 @@ use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
 const MAX_HEIGHT: f64 = 2.0;
 /// Least and greatest `ln kappa`: absent, and the most that `expm1` holds.
 pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
+/// A lobe that has fallen below this, `ln`, falls no further: squares of less are denormal numbers, which take long.
+const DARK: f64 = -100.0;
 /// Least and greatest `ln gamma`: flat, and a mirror.
 pub const LN_GAMMA: (f64, f64) = (-6.0, 14.0);
 /// Greatest `ln kappa` of a colour, either way.
@@ -62,7 +64,7 @@ impl Loss {
         // Model values are not negative: the logarithm is asinh without cancellation
         let half = 0.5 * model / offset;
         let root = half.mul_add(half, 1.0).sqrt();
-        let u = (half + root).ln() - target;
+        let u = ln(half + root) - target;
         let slope = 0.5 / (offset * root);
         match self {
             Loss::Gamma => {
@@ -121,6 +123,7 @@ struct Bin {
     residual: Vec<f64>,
     weight: Vec<f64>,
     /// (column, position) of one node and channel; a column for each lobe's ln kappa, ln gamma, beta and falloff.
+    /// Zeros fill the last vector.
     columns: Vec<f64>,
     /// (channel, column, column), lower triangles, and gradients (channel, column, function), of two bases each.
     squares: Vec<f64>,
@@ -328,7 +331,7 @@ impl Bin {
             slope: vec![0.0; lobes * channels * n],
             residual: vec![0.0; nodes * channels * n],
             weight: vec![0.0; nodes * channels * n],
-            columns: vec![0.0; SHARED.len() * lobes * n],
+            columns: vec![0.0; SHARED.len() * lobes * n.next_multiple_of(LANES)],
             squares: vec![0.0; channels * (SHARED.len() * lobes).pow(2)],
             gradient: vec![0.0; SHARED.len() * lobes * WIDTH],
             colour_gradient: vec![0.0; channels * lobes * WIDTH],
@@ -422,14 +425,12 @@ impl Bin {
                 }
                 let at = (node * channels + channel) * n;
                 let (target, root) = (&problem.target[row.clone()], &problem.root_weight[row]);
-                for i in 0..n {
-                    let (r, d) = problem.loss.residual(model[i], target[i], problem.offset[channel]);
-                    // Nothing is said of what is not measured
-                    let (r, d) = if root[i] > 0.0 { (r * root[i], d * root[i]) } else { (0.0, 0.0) };
-                    self.residual[at + i] = r;
-                    self.weight[at + i] = d;
-                    squares += r * r;
-                }
+                squares += residuals(
+                    (problem.loss, problem.offset[channel]),
+                    [&model, target, root],
+                    &mut self.residual[at..at + n],
+                    &mut self.weight[at..at + n],
+                );
             }
         }
         squares
@@ -441,11 +442,13 @@ impl Bin {
         let (n, channels, lobes) = (self.n, shape.n_channels, shape.n_lobes);
         let width = SHARED.len() * lobes;
         self.squares.fill(0.0);
-        self.gradient.fill(0.0);
-        self.colour_gradient.fill(0.0);
-        let mut weighted = vec![0.0; WIDTH * n];
-        for node in 0..observations.n_nodes {
-            for channel in 0..channels {
+        let stride = n.next_multiple_of(LANES);
+        // (column, position): columns times residuals, of all nodes and channels, and of one channel
+        let mut pulls = vec![0.0; width * n];
+        let mut of_channel = vec![0.0; width * n];
+        for channel in 0..channels {
+            of_channel.fill(0.0);
+            for node in 0..observations.n_nodes {
                 let row = node * observations.len() + self.start;
                 let azimuth = &observations.azimuth[row..row + n];
                 let ln_cos = &observations.ln_cos[self.start..self.start + n];
@@ -460,34 +463,29 @@ impl Bin {
                         &self.value[of..of + n],
                         &self.slope[of..of + n],
                         &self.exponent[k * n..(k + 1) * n],
-                        &mut self.columns[SHARED.len() * k * n..SHARED.len() * (k + 1) * n],
+                        &mut self.columns[SHARED.len() * k * stride..SHARED.len() * (k + 1) * stride],
                     );
                 }
                 products(
                     &self.columns,
-                    n,
+                    stride,
                     &mut self.squares[channel * width * width..(channel + 1) * width * width],
                 );
-                for curve in SHARED {
-                    weigh(&self.functions[curve], residual, &mut weighted);
-                    for k in 0..lobes {
-                        let column = &self.columns[(SHARED.len() * k + curve) * n..][..n];
-                        for m in 0..shape.basis(curve).size.min(WIDTH) {
-                            self.gradient[(SHARED.len() * k + curve) * WIDTH + m] +=
-                                dot(column, &weighted[m * n..(m + 1) * n]);
-                        }
-                    }
+                add_times(&self.columns, stride, residual, &mut of_channel);
+            }
+            add_scaled(1.0, &of_channel, &mut pulls);
+            for k in 0..lobes {
+                let pull = &of_channel[SHARED.len() * k * n..][..n];
+                for m in 0..shape.n_colour().min(WIDTH) {
+                    self.colour_gradient[(channel * lobes + k) * WIDTH + m] =
+                        dot(pull, &self.functions[COLOUR][m * n..(m + 1) * n]);
                 }
-                if shape.n_colour() > 0 {
-                    weigh(&self.functions[COLOUR], residual, &mut weighted);
-                    for k in 0..lobes {
-                        let column = &self.columns[SHARED.len() * k * n..][..n];
-                        for m in 0..shape.n_colour().min(WIDTH) {
-                            self.colour_gradient[(channel * lobes + k) * WIDTH + m] +=
-                                dot(column, &weighted[m * n..(m + 1) * n]);
-                        }
-                    }
-                }
+            }
+        }
+        for column in 0..width {
+            let (pull, curve) = (&pulls[column * n..(column + 1) * n], SHARED[column % SHARED.len()]);
+            for m in 0..shape.basis(curve).size.min(WIDTH) {
+                self.gradient[column * WIDTH + m] = dot(pull, &self.functions[curve][m * n..(m + 1) * n]);
             }
         }
     }
@@ -572,7 +570,7 @@ fn times_exp(base: &[f64], ln_gamma: &[f64], out: &mut [f64]) {
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn values_and_slopes(p: &[f64], value: &mut [f64], slope: &mut [f64]) {
     for ((p, value), slope) in p.iter().zip(value).zip(slope) {
-        let t = exp(p.min(LN_KAPPA.1));
+        let t = exp(p.clamp(DARK, LN_KAPPA.1));
         *value = expm1(t);
         *slope = t * (*value + 1.0);
     }
@@ -584,6 +582,24 @@ fn factors(beta: &[f64], azimuth: &[f64], falloff: &[f64], ln_cos: &[f64], out: 
     for i in 0..out.len() {
         out[i] = exp(beta[i].mul_add(azimuth[i], falloff[i] * ln_cos[i]));
     }
+}
+
+/// Residuals of model values against targets, and their derivatives, times the roots of weights; the sum of squares.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn residuals(
+    (loss, offset): (Loss, f64),
+    [model, target, root]: [&[f64]; 3],
+    residual: &mut [f64],
+    weight: &mut [f64],
+) -> f64 {
+    for i in 0..residual.len() {
+        let (r, d) = loss.residual(model[i], target[i], offset);
+        // Nothing is said of what is not measured
+        let root = root[i];
+        residual[i] = if root > 0.0 { r * root } else { 0.0 };
+        weight[i] = if root > 0.0 { d * root } else { 0.0 };
+    }
+    dot_lanes(residual, residual)
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
@@ -605,9 +621,12 @@ fn columns(
     columns: &mut [f64],
 ) {
     let n = value.len();
-    let (by_kappa, rest) = columns.split_at_mut(n);
-    let (by_gamma, rest) = rest.split_at_mut(n);
-    let (by_beta, by_falloff) = rest.split_at_mut(n);
+    let stride = columns.len() / SHARED.len();
+    let (by_kappa, rest) = columns.split_at_mut(stride);
+    let (by_gamma, rest) = rest.split_at_mut(stride);
+    let (by_beta, by_falloff) = rest.split_at_mut(stride);
+    let (by_kappa, by_gamma) = (&mut by_kappa[..n], &mut by_gamma[..n]);
+    let (by_beta, by_falloff) = (&mut by_beta[..n], &mut by_falloff[..n]);
     for i in 0..n {
         let w = weight[i] * factor[i];
         let d = w * slope[i];
@@ -618,29 +637,34 @@ fn columns(
     }
 }
 
-/// `out[m] = functions[m] residual`.
-fn weigh(functions: &[f64], residual: &[f64], out: &mut [f64]) {
-    let n = residual.len();
-    for (out, functions) in out.chunks_exact_mut(n).zip(functions.chunks_exact(n)) {
-        for ((out, f), r) in out.iter_mut().zip(functions).zip(residual) {
-            *out = f * r;
+/// Adds each of the columns (column, stride) times the residuals to `sums` (column, position).
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_times(columns: &[f64], stride: usize, residual: &[f64], sums: &mut [f64]) {
+    for (column, sums) in columns.chunks_exact(stride).zip(sums.chunks_exact_mut(residual.len())) {
+        for ((sum, c), r) in sums.iter_mut().zip(column).zip(residual) {
+            *sum = c.mul_add(*r, *sum);
         }
     }
 }
 
-const LANES: usize = 8;
+/// Two vectors of eight, so that sums wait less for each other.
+const LANES: usize = 16;
 
 #[inline(always)]
 fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
-    let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
-    let rest: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in xs.zip(ys) {
+    let ((xs, x), (ys, y)) = (x.as_chunks::<LANES>(), y.as_chunks::<LANES>());
+    for (x, y) in xs.iter().zip(ys) {
         for lane in 0..LANES {
             sums[lane] = x[lane].mul_add(y[lane], sums[lane]);
         }
     }
-    sums.iter().sum::<f64>() + rest
+    for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
+        *sum = x.mul_add(*y, *sum);
+    }
+    let eight: [f64; 8] = std::array::from_fn(|i| sums[i] + sums[i + 8]);
+    let four: [f64; 4] = std::array::from_fn(|i| eight[i] + eight[i + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
@@ -648,13 +672,14 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     dot_lanes(x, y)
 }
 
-/// Adds the products of all pairs of columns to the lower triangle of `squares`.
+/// Adds the products of all pairs of columns (column, stride) to the lower triangle of `squares`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn products(columns: &[f64], n: usize, squares: &mut [f64]) {
-    let width = columns.len() / n;
+fn products(columns: &[f64], stride: usize, squares: &mut [f64]) {
+    let width = columns.len() / stride;
     for i in 0..width {
-        for j in 0..=i {
-            squares[i * width + j] += dot_lanes(&columns[i * n..(i + 1) * n], &columns[j * n..(j + 1) * n]);
+        let x = &columns[i * stride..(i + 1) * stride];
+        for (square, y) in squares[i * width..=i * width + i].iter_mut().zip(columns.chunks_exact(stride)) {
+            *square += dot_lanes(x, y);
         }
     }
 }

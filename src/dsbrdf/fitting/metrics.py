@@ -13,6 +13,7 @@ The entries of a table are weighted by the solid angle of their cells, but for `
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
@@ -96,7 +97,8 @@ def errors(model: Reflectance, measured: MeasuredBRDF | Samples) -> FitErrors:
     area = np.broadcast_to(cell_area(theta_h, theta_d).T[..., None], some.shape)
     predicted = np.asarray(model.eval(wi[some], wo[some]))
     three = _three(predicted, values[some], area[some], (wi[..., 2] * wo[..., 2])[some], valid[some])
-    return FitErrors(*three, _albedo_error(model, measured), *_floors(measured))
+    thin = dataclasses.replace(measured, planes=measured.planes[..., which], phi_d=measured.phi_d[which])
+    return FitErrors(*three, _albedo_error(model, thin), *_floors(measured))
 
 
 def _three(
