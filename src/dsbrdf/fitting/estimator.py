@@ -28,7 +28,7 @@ MAX_CHOSEN = 6
 CONSTANT = (1, 1, 1, 1, 1)
 #: Positions that lobes are grown on, and those that they are brought near the end on; one azimuth each.
 N_GROWTH = 1500
-N_NEAR = 5000
+N_NEAR = 2500
 #: Decrease of the objective over some iterations, relative, that ends the search near the end and at it.
 TOLERANCE = 3e-3
 LAST_TOLERANCE = 1e-2
