@@ -653,13 +653,14 @@ const LANES: usize = 16;
 #[inline(always)]
 fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
-    let ((xs, x), (ys, y)) = (x.as_chunks::<LANES>(), y.as_chunks::<LANES>());
-    for (x, y) in xs.iter().zip(ys) {
+    let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
+    let rest = xs.remainder().iter().zip(ys.remainder());
+    for (x, y) in xs.clone().zip(ys.clone()) {
         for lane in 0..LANES {
             sums[lane] = x[lane].mul_add(y[lane], sums[lane]);
         }
     }
-    for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
+    for (sum, (x, y)) in sums.iter_mut().zip(rest) {
         *sum = x.mul_add(*y, *sum);
     }
     let eight: [f64; 8] = std::array::from_fn(|i| sums[i] + sums[i + 8]);

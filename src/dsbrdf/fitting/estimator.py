@@ -34,6 +34,8 @@ TOLERANCE = 3e-3
 LAST_TOLERANCE = 1e-2
 #: Inverse squares of what is usual of second and first differences of coefficients, and of colours, beta and falloff.
 PENALTY = (0.25, 0.25, 0.1)
+#: Height of a lobe that is not there, `ln kappa`.
+ABSENT = -30.0
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
 
@@ -134,21 +136,35 @@ def estimate(observations: Observations, options: FitOptions, prior: Gaussian | 
         path = _grown(observations, how, most)
         criteria = np.array([_criterion(observations, how, found) for found in path])
         best = int(criteria.argmin()) if options.n_lobes == AUTO else most - 1
-        candidates.append((criteria[best], how, path[best], criteria))
-    _, how, chosen, criteria = min(candidates, key=lambda candidate: candidate[0])
+        candidates.append((criteria[best], how, path[best], criteria, path))
+    _, how, chosen, criteria, path = min(candidates, key=lambda candidate: candidate[0])
     if options.n_lobes != AUTO:
         criteria = np.empty(0)
-    end = chosen
-    for part, tolerance in (
-        (observations.kernel.thinned(N_NEAR), TOLERANCE),
-        (observations.kernel, LAST_TOLERANCE),
-    ):
-        end = part.refine(
-            how, end["n_lobes"], end["x"].tolist(), iterations=options.max_iterations, tolerance=tolerance
-        )
+    # What was grown on few positions may be worse on more of them than one lobe less
+    starts = [chosen]
+    if chosen["n_lobes"] > 1:
+        starts.append(_padded(path[chosen["n_lobes"] - 2], how.sizes, observations.n_channels))
+
+    def refined(start: _core._Solution, n: int | None, tolerance: float) -> _core._Solution:
+        part = observations.kernel if n is None else observations.kernel.thinned(n)
+        x = start["x"].tolist()
+        return part.refine(how, start["n_lobes"], x, iterations=options.max_iterations, tolerance=tolerance)
+
+    near = min((refined(start, N_NEAR, TOLERANCE) for start in starts), key=lambda found: found["objective"])
+    end = refined(near, None, LAST_TOLERANCE)
     lobes = lobes_of(end["x"], how.sizes, end["n_lobes"], observations.n_channels)
     spent = chosen["iterations"] + end["iterations"]
     return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)
+
+
+def _padded(found: _core._Solution, sizes: tuple[int, ...], n_channels: int) -> _core._Solution:
+    """A solution with one more lobe, which is not there."""
+    *shared, n_colour = sizes
+    n_lobes = found["n_lobes"]
+    absent = np.repeat((ABSENT, 1.0, 0.0, 0.0), shared)
+    x, colour = np.split(found["x"], [n_lobes * sum(shared)])
+    colour = np.pad(colour.reshape(-1, n_lobes * n_colour), ((0, 0), (0, n_colour))) if colour.size else colour
+    return {**found, "n_lobes": n_lobes + 1, "x": np.concatenate([x, absent, colour.ravel()])}
 
 
 def _grown(observations: Observations, how: _Options, most: int) -> list[_core._Solution]:
