@@ -149,7 +149,7 @@ def test_nothing_is_written_over_what_is_read(built, tmp_path):
     for arguments in (("move", model), ("blend", model, "material-1")):
         status, _, err = built(*arguments, "-o", model)
         assert status == 2
-        assert "is read by this command: give another name" in err
+        assert "is what this is made from, and is not replaced" in err
     assert model.read_bytes() == before
 
 

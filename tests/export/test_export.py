@@ -1,6 +1,8 @@
 """`export`: what it writes, what it refuses, and the command."""
 
 import json
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -8,10 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from by_hand import by_hand
+from pairs import random_pairs
 
-from dsbrdf import read_merl
+import dsbrdf
+from dsbrdf import _files, read_merl
 from dsbrdf.cli import main
-from dsbrdf.export import FORMATS, export
+from dsbrdf.export import FORMATS, colour, export
+from dsbrdf.geometry.colour import srgb_weights
 
 MODEL = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], name="made up")
 ONE_CHANNEL = by_hand([0.5], [3.0], [0.0], tint=(1.0,))
@@ -35,13 +40,21 @@ def test_every_format_writes_a_file(tmp_path):
         "glsl": b"// made up",
         "principled": b"{",
         "gltf": b"{",
+        "glb": b"glTF",
+        "openpbr": b"<?xml",
+        "usd": b"#usda",
+        "blender": b"# made up",
     }
     assert heads.keys() == FORMATS.keys()
     for name, head in heads.items():
-        path = tmp_path / f"{name}.{FORMATS[name].suffix}"
+        path = tmp_path / f"x.{FORMATS[name].suffix}"
         lost = export(MODEL, path, name)
         assert path.read_bytes().startswith(head)
-        assert (lost is not None) == (name in ("principled", "gltf"))
+        assert (lost is None) == FORMATS[name].exact
+        # What says that we wrote it is replaced
+        if name != "merl":
+            export(MODEL, path, name)
+    assert len(list(tmp_path.iterdir())) == len(FORMATS)
 
 
 def test_a_merl_file_holds_the_values_of_the_model(tmp_path):
@@ -55,18 +68,82 @@ def test_a_merl_file_holds_the_values_of_the_model(tmp_path):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_formats_refuse_two_channels(name, tmp_path):
-    with pytest.raises(ValueError, match="channel"):
+def test_formats_refuse_channels_that_tell_no_colour(name, tmp_path):
+    with pytest.raises(ValueError, match=r"its 2 channels \(0, 1\) tell no colour\. Choose one or three"):
         export(TWO_CHANNELS, tmp_path / "x", name)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["merl", "principled", "gltf"])
-def test_colour_formats_say_what_to_do(name, tmp_path):
-    with pytest.raises(
-        ValueError, match=r"has 3 channels, linear sRGB; the model has 1\. Make a model of three"
-    ):
-        export(ONE_CHANNEL, tmp_path / "x", name)
+@pytest.mark.parametrize("name", ["rgl", "merl", "glsl", "gltf", "openpbr", "usd", "blender", "principled"])
+def test_one_channel_is_grey(name, tmp_path):
+    grey, again = tmp_path / "grey", tmp_path / "again"
+    export(ONE_CHANNEL, grey, name)
+    three = by_hand([0.5], [3.0], [0.0], tint=(1.0, 1.0, 1.0), name=ONE_CHANNEL.name)
+    export(three, again, name)
+    assert grey.read_bytes() == again.read_bytes()
+
+
+def test_channels_are_chosen_by_name(tmp_path):
+    export(MODEL, tmp_path / "bgr.glsl", "glsl", channels=("b", "g", "r"))
+    swapped = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], tint=(1.2, 0.8, 1.0), name="made up")
+    export(swapped, tmp_path / "swapped.glsl", "glsl")
+    assert (tmp_path / "bgr.glsl").read_bytes() == (tmp_path / "swapped.glsl").read_bytes()
+    with pytest.raises(ValueError, match=r"there is no channel 'x'; the model has r, g, b\."):
+        export(MODEL, tmp_path / "x.glsl", "glsl", channels=("r", "x", "b"))
+
+
+def spectral_model():
+    """Seven wavelengths, more red than blue."""
+    nm = np.linspace(400.0, 700.0, 7)
+    model = by_hand([0.4, 0.8], [0.3, 60.0], [0.0, 0.0], tint=tuple(0.3 + (nm - 400.0) / 300.0))
+    return model.replace(channels=[f"{x:g}nm" for x in nm]), nm
+
+
+def test_wavelengths_become_colours(rng):
+    model, nm = spectral_model()
+    wi, wo = random_pairs(rng, 400)
+    expected = model.eval(wi, wo) @ srgb_weights(nm).T
+    np.testing.assert_allclose(colour.in_colour(model).eval(wi, wo), expected, rtol=1e-12)
+    # In any order
+    turned = colour.take_channels(model, model.channels[::-1])
+    np.testing.assert_allclose(colour.in_colour(turned).eval(wi, wo), expected, rtol=1e-12)
+
+
+def test_wavelengths_as_lobes(rng):
+    model, nm = spectral_model()
+    wi, wo = random_pairs(rng, 400)
+    expected = model.eval(wi, wo) @ srgb_weights(nm).T
+    lobes = colour.lobes_in_colour(model)
+    assert lobes.channels == ("r", "g", "b")
+    assert np.median(np.abs(lobes.eval(wi, wo) / expected - 1.0)) < 0.01
+
+
+# What may be replaced
+
+
+def test_a_foreign_file_is_kept(tmp_path):
+    path = tmp_path / "x.gltf"
+    path.write_text("of another program")
+    with pytest.raises(FileExistsError, match=r"x\.gltf is there already, and dsbrdf did not write it\."):
+        export(MODEL, path, "gltf")
+    assert path.read_text() == "of another program"
+    export(MODEL, path, "gltf", force=True)
+    assert _files.is_ours(path)
+
+
+def test_the_measurement_is_kept_even_by_force(table_file, tmp_path):
+    measured = tmp_path / "gold.binary"
+    shutil.copy(table_file, measured)
+    model = MODEL.replace(source=read_merl(measured).source)
+    model.save(tmp_path / "gold.json")
+    for of in (model, dsbrdf.load(tmp_path / "gold.json")):
+        for path in (measured, tmp_path / "copy.binary"):
+            if path != measured:
+                shutil.copy(table_file, path)
+            before = path.read_bytes()
+            with pytest.raises(FileExistsError, match="is what this is made from, and is not replaced"):
+                export(of, path, "merl", force=True)
+            assert path.read_bytes() == before
 
 
 def test_an_unknown_format(tmp_path):
@@ -84,18 +161,63 @@ def test_the_command_writes_beside_the_model(model_file, capsys):
     assert model_file.with_suffix(".brdf").read_text().startswith("analytic")
 
 
-def test_the_command_tells_what_a_preview_loses(model_file, tmp_path, capsys):
+def test_the_command_tells_what_the_nearest_material_loses(model_file, tmp_path, capsys):
     out = tmp_path / "out" / "preview.json"
     assert main(["export", str(model_file), "--to", "gltf", "-o", str(out)]) == 0
-    assert "a glTF material is a preview: relative RMS" in capsys.readouterr().err
-    assert json.loads(out.read_text())["materials"][0]["name"] == "made up"
+    told = re.search(
+        r"the glTF material is .* cos cos ([\d.]+) %, CIEDE2000 of a sphere ([\d.]+)\.",
+        capsys.readouterr().err,
+    )
+    (material,) = json.loads(out.read_text())["materials"]
+    assert material["name"] == "made up"
+    stored = material["extras"]["dsbrdf"]
+    assert [100.0 * stored["error_cbrt"], stored["ciede2000"]] == pytest.approx(
+        [*map(float, told.groups())], abs=0.06
+    )
 
 
-def test_the_command_keeps_the_model(model_file, capsys):
+def test_each_format_has_a_name_of_its_own():
+    suffixes = [entry.suffix for entry in FORMATS.values()]
+    assert len(set(suffixes)) == len(suffixes)
+    assert "json" not in suffixes
+    assert "binary" not in suffixes
+
+
+def test_the_command_keeps_what_it_reads(model_file, tmp_path, capsys):
+    link = tmp_path / "link.json"
+    link.symlink_to(model_file)
     before = model_file.read_bytes()
-    assert main(["export", str(model_file), "-t", "principled"]) == 2
-    assert "is read by this command: give another name" in capsys.readouterr().err
+    for out in (model_file, link):
+        assert main(["export", str(model_file), "-t", "principled", "-o", str(out), "--force"]) == 2
+        assert "is what this is made from, and is not replaced" in capsys.readouterr().err
     assert model_file.read_bytes() == before
+
+
+def test_the_command_asks_for_force(model_file, capsys):
+    out = model_file.with_suffix(".brdf")
+    out.write_text("of another program")
+    assert main(["export", str(model_file), "-t", "brdf"]) == 2
+    assert "dsbrdf did not write it. Give another name, or add --force" in capsys.readouterr().err
+    assert main(["export", str(model_file), "-t", "brdf", "--force"]) == 0
+    assert main(["export", str(model_file), "-t", "brdf"]) == 0
+
+
+@pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
+def test_commands_fit_what_was_measured(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", "matte", "-t", "glsl"]) == 0
+    assert (tmp_path / "matte.glsl").read_text().startswith("// matte")
+    assert main(["check", "matte"]) == 0
+    assert main(["info", "matte"]) == 0
+    assert "albedo at" in capsys.readouterr().out
+
+
+def test_the_command_takes_channels(model_file, tmp_path):
+    out = tmp_path / "grey.glsl"
+    assert main(["export", str(model_file), "-t", "glsl", "-o", str(out), "--channels", "g"]) == 0
+    chosen = colour.take_channels(MODEL, ["g"])
+    export(chosen, tmp_path / "again.glsl", "glsl")
+    assert out.read_text() == (tmp_path / "again.glsl").read_text()
 
 
 def test_the_command_lists_the_formats(model_file, capsys):

@@ -158,10 +158,14 @@ def check_folder(folder: Path) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
 
 
-def check_output(out: Path, inputs: Iterable[str | Path]) -> None:
-    """Fail if a command would write over one of the files it reads."""
-    if any(out.absolute() == Path(path).absolute() for path in inputs):
-        raise typer.BadParameter(f"{out} is read by this command: give another name.", param_hint="'--out'")
+def check_output(out: Path, inputs: Iterable[str | Path], *, force: bool = True) -> None:
+    """Fail before the work is done if `out` may not be replaced: see `dsbrdf._files.check_replaceable`."""
+    from dsbrdf import _files
+
+    try:
+        _files.check_replaceable(out, force=force, sources=inputs)
+    except FileExistsError as error:
+        raise typer.BadParameter(str(error), param_hint="'--out'") from None
 
 
 def missing_plots() -> str:

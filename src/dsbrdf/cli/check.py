@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import app, say
+from dsbrdf.cli._app import State, app, say
 
 
 @app.command()
 def check(
-    models: Annotated[list[Path], typer.Argument(metavar="MODEL", help="Files that fit or demo wrote.")],
+    context: typer.Context,
+    models: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL|FILE|NAME",
+            help="Model files, or what is fitted first: measured files, or names of built-in materials.",
+            show_default=False,
+        ),
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each model.")] = False,
 ) -> None:
     """Check that models are fit to render with: reciprocity, energy, sampling."""
     from dsbrdf.cli import _report as report
-    from dsbrdf.model import file as model_file
+    from dsbrdf.cli._open import open_models
     from dsbrdf.model.check import check_model
 
     wrong = False
-    for path in models:
-        result = check_model(model_file.load(path))
+    state: State = context.obj
+    for path, model in open_models(models, state):
+        result = check_model(model)
         if as_json:
-            print(report.json_line(result.summary() | {"model": str(path)}), flush=True)
+            print(report.json_line(result.summary() | {"model": path}), flush=True)
         else:
             report.print_check(result)
         for problem in result.problems:

@@ -44,11 +44,12 @@ def convert(
     kind: Annotated[
         Kind | None, typer.Option("--to", "-t", help="Format of OUT, if its suffix does not tell.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that dsbrdf did not write.")] = False,
     *,
     reading: Any,
 ) -> None:
     """Convert measured files to another format; print what it loses."""
-    from dsbrdf import batch
+    from dsbrdf import _files, batch
     from dsbrdf.export.convert import KINDS
     from dsbrdf.export.convert import convert as convert_file
     from dsbrdf.measured.formats.nbrdf import npy_set
@@ -56,7 +57,7 @@ def convert(
     state: State = context.obj
     inside = _inside(source) if source.is_dir() else []
     if not inside or (len(inside) == 1 and npy_set(source) is not None):
-        check_output(target, [source])
+        check_output(target, [source], force=force)
         _tell(convert_file(source, target, kind, **reading))
         return
     if kind is None:
@@ -66,7 +67,7 @@ def convert(
         name = file.stem.removesuffix("_fc1")
         try:
             out = target / f"{name}{KINDS[kind]}"
-            check_output(out, [file])
+            _files.check_replaceable(out, force=force, sources=[file])
             _tell(convert_file(file, out, kind, **reading))
         except (OSError, ValueError, ImportError) as error:
             if state.debug:

@@ -7,15 +7,24 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import app, check_output, say
+from dsbrdf.cli._app import State, app, check_output, say
 from dsbrdf.export import FORMATS
 
+#: Of the examples of help.
 HELP = "\n\n".join(f"{name}: {entry.description}." for name, entry in FORMATS.items())
 
 
-@app.command(help=f"Write a model as a file for another program.\n\n{HELP}")
+@app.command(help=f"Write a material as a file for another program.\n\n{HELP}")
 def export(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A file that fit or demo wrote.")],
+    context: typer.Context,
+    material: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE|NAME",
+            help="A model file, or what is fitted first: a measured file, or the name of a built-in material.",
+            show_default=False,
+        ),
+    ],
     to: Annotated[
         str, typer.Option("--to", "-t", metavar="FORMAT", help="What to write.", show_default=False)
     ],
@@ -25,16 +34,27 @@ def export(
             "--out", "-o", metavar="FILE", help="Beside the model, with the format's ending, by default."
         ),
     ] = None,
+    channels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A[,B,C]", help="Channels to take: one is shown grey, three as red, green, blue."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that dsbrdf did not write.")] = False,
 ) -> None:
     """Parse, call, print."""
+    from dsbrdf.cli._open import open_models
     from dsbrdf.export import export as write
-    from dsbrdf.model import file as model_file
 
     if to not in FORMATS:
         raise typer.BadParameter(f"expected one of {', '.join(FORMATS)}, got {to!r}.", param_hint="'--to'")
-    path = model.with_suffix("." + FORMATS[to].suffix) if out is None else out
-    check_output(path, [model])
-    lost = write(model_file.load(model), path, to)
+    source = Path(material)
+    path = source.with_name(f"{source.stem}.{FORMATS[to].suffix}") if out is None else out
+    check_output(path, [source], force=force)
+    state: State = context.obj
+    for _, model in open_models([material], state):
+        chosen = None if channels is None else channels.split(",")
+        lost = write(model, path, to, channels=chosen, force=force)
     print(f"Written: {path}")
     if lost:
         say(lost)

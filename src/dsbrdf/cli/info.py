@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import app
+from dsbrdf.cli._app import State, app
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
@@ -21,12 +20,22 @@ ALBEDO_ANGLES = (0, 45, 75)
 
 @app.command()
 def info(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A file that fit or demo wrote.")],
+    context: typer.Context,
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE|NAME",
+            help="A model file, or what is fitted first: a measured file, or the name of a built-in material.",
+            show_default=False,
+        ),
+    ],
 ) -> None:
-    """Print what a model file holds."""
-    from dsbrdf.model import file as model_file
+    """Print what a model holds."""
+    from dsbrdf.cli._open import open_models
 
-    print_model(model_file.load(model))
+    state: State = context.obj
+    for _, found in open_models([model], state):
+        print_model(found)
 
 
 def print_model(model: DSBRDF) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from dsbrdf import _files, shader
+from dsbrdf.export import text
+from dsbrdf.export.colour import lobes_in_colour
 from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["write_brdf_explorer"]
@@ -24,7 +26,7 @@ def write_brdf_explorer(model: DSBRDF, path: str | Path) -> None:
     Raises
     ------
     ValueError
-        If the model does not have three channels.
+        If the channels tell no colour.
     OSError
         If the file cannot be written.
 
@@ -33,11 +35,10 @@ def write_brdf_explorer(model: DSBRDF, path: str | Path) -> None:
     The program puts the text into shaders of GLSL 1.30 and 4.10. It drops lines that start with `#` as comments of
     its own, and has a uniform named `gamma`: hence no preprocessor, and a prefix on every name.
     """
-    # A line break in a name would end the comment
-    name = " ".join(model.name.split())
-    text = (
-        f"analytic\n\n# {name or 'dsbrdf'}\n\n::begin parameters\n::end parameters\n\n"
-        f"::begin shader\n\n{shader.baked(model)}{BRDF}\n::end shader\n"
+    title = text.comment(model.name) or "material"
+    content = (
+        f"analytic\n\n# {title}, written by dsbrdf\n\n::begin parameters\n::end parameters\n\n"
+        f"::begin shader\n\n{shader.baked(lobes_in_colour(model))}{BRDF}\n::end shader\n"
     )
     with _files.aside(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(content, encoding="utf-8")

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dsbrdf._check import require_rgb
+from dsbrdf.export.colour import in_colour
 from dsbrdf.measured import tabulate, write_merl
 from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["write"]
+__all__ = ["write_merl_table"]
 
 
-def write(model: DSBRDF, path: str | Path) -> None:
-    """Tabulate a model of three channels at the middles of the cells of a MERL file, and write that.
+def write_merl_table(model: DSBRDF, path: str | Path) -> None:
+    """Tabulate a model in colour at the middles of the cells of a MERL file, and write that.
 
     Raises
     ------
     ValueError
-        If the model has not three channels.
+        If the channels tell no colour.
     OSError
         If the file cannot be written.
     """
-    require_rgb(model.n_channels, "a MERL file")
-    write_merl(tabulate(model.eval, model.name or "model"), path)
+    write_merl(tabulate(in_colour(model).eval, model.name or "model"), path)

@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 from dsbrdf import _files
 from dsbrdf._check import require_rgb
 from dsbrdf.export import spectrum
+from dsbrdf.export.colour import in_colour
 from dsbrdf.geometry import half_diff
 from dsbrdf.geometry.colour import LUMINANCE
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
+from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["FORMS", "Reflectance", "write_rgl"]
 
@@ -74,7 +76,7 @@ def write_rgl(
     Parameters
     ----------
     reflectance : DSBRDF, or anything with `eval(wi, wo)`
-        Three channels of linear sRGB.
+        Three channels of linear sRGB; a model's other channels become colours.
     path : str or Path
     form : {"rgb", "spectral"}, optional
         "rgb" is for the RGB variants of Mitsuba, "spectral" for its spectral ones and for pbrt-v4: no file serves
@@ -106,6 +108,8 @@ def write_rgl(
         )
     if description is None:
         description = f"{getattr(reflectance, 'name', '') or 'reflectance'}, written by dsbrdf"
+    if isinstance(reflectance, DSBRDF):
+        reflectance = in_colour(reflectance)
     fields = _fields(reflectance, n_theta_i, n_values)
     rgb = fields.pop("rgb")
     if form == "rgb":

@@ -1,10 +1,12 @@
-"""Write a model as GLSL source with its numbers baked in."""
+"""Write a model as source code with its numbers in it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from dsbrdf import _files, shader
+from dsbrdf.export import text
+from dsbrdf.export.colour import lobes_in_colour
 from dsbrdf.model.dsbrdf import DSBRDF
 
 __all__ = ["write_glsl"]
@@ -16,13 +18,11 @@ def write_glsl(model: DSBRDF, path: str | Path) -> None:
     Raises
     ------
     ValueError
-        If the model does not have three channels.
+        If the channels tell no colour.
     OSError
         If the file cannot be written.
     """
-    # A line break in a name would end the comment
-    name = " ".join(model.name.split())
-    title = f"// {name}\n" if name else ""
-    text = title + shader.baked(model)
+    title = f"// {text.comment(model.name)}\n" if model.name.strip() else ""
+    source = title + shader.baked(lobes_in_colour(model))
     with _files.aside(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(source, encoding="utf-8")
