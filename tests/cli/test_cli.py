@@ -349,14 +349,15 @@ def test_usage(run, arguments, message):
     assert line.endswith(f"Try 'dsbrdf{'' if arguments == ['paint'] else ' fit'} --help'.")
 
 
-def test_info_of_what_is_no_model(run, gold_file, tmp_path):
+def test_info_of_what_is_no_model(run, tmp_path):
     status, out, err = run("info", tmp_path / "nothing.json")
     assert (status, out) == (1, "")
     assert err == [f"dsbrdf: error: {tmp_path / 'nothing.json'}: {os.strerror(errno.ENOENT)}."]
-    status, out, err = run("info", gold_file)
+    (tmp_path / "no-model.json").write_text("{}")
+    status, out, err = run("info", tmp_path / "no-model.json")
     assert (status, out) == (1, "")
     assert len(err) == 1
-    assert err[0].startswith(f"dsbrdf: error: {gold_file}: not a model file")
+    assert err[0].startswith(f"dsbrdf: error: {tmp_path / 'no-model.json'}: not a model file")
 
 
 def test_an_error_of_ours_takes_one_line_too(run, gold_file, replace_fit):

@@ -243,9 +243,11 @@ def test_a_folder_to_a_folder(tmp_path, capsys):
     assert "a folder needs a format: add -t FORMAT." in err[0]
     (folder / "notes.txt").write_text("Left alone")
     (folder / "figure.png").touch()
-    assert len(run(capsys, folder, tmp_path / "out", "-t", "npz")[2]) == 1
+    kept = run(capsys, folder, tmp_path / "out", "-t", "npz")[2]
+    assert sum("is there already, and dsbrdf did not write it" in line for line in kept) == 2
+    assert len(run(capsys, folder, tmp_path / "out", "-t", "npz", "--force")[2]) == 1
     with pytest.raises(ValueError, match="no samples"):
-        cli.main(["--debug", "convert", str(folder), str(tmp_path / "out"), "-t", "npz"])
+        cli.main(["--debug", "convert", str(folder), str(tmp_path / "out"), "-t", "npz", "--force"])
 
 
 def test_a_folder_of_networks_or_of_models(model_file, tmp_path, capsys, monkeypatch):
@@ -309,7 +311,7 @@ def test_a_file_is_not_written_over_itself(tmp_path, capsys):
     path.write_bytes(b"as it was")
     status, _, err = run(capsys, path, path)
     assert status == 2
-    assert f"{path} is read by this command: give another name." in err[0]
+    assert f"{path} is what this is made from, and is not replaced." in err[0]
     assert path.read_bytes() == b"as it was"
 
 
@@ -324,3 +326,14 @@ def test_a_nearly_empty_table_is_told(scan, tmp_path, capsys):
 def test_a_built_in_material_is_converted(tmp_path, capsys):
     assert run(capsys, "matte", tmp_path / "matte.npz")[0] == 0
     assert_array_equal(read(tmp_path / "matte.npz").values, built_in.material("matte").values)
+
+
+def test_a_foreign_file_is_kept(scan, tmp_path, capsys):
+    target = tmp_path / "x.npz"
+    target.write_text("of another program")
+    status, _, err = run(capsys, scan, target)
+    assert status == 2
+    assert "x.npz is there already, and dsbrdf did not write it" in err[0]
+    assert target.read_text() == "of another program"
+    assert run(capsys, scan, target, "--force")[0] == 0
+    assert run(capsys, scan, scan, "--force")[0] == 2
