@@ -162,9 +162,7 @@ def test_hdf5_arrays_of_another_kind_are_not_read(tmp_path, content):
 def test_a_damaged_keras_file_is_refused(weights, tmp_path):
     path = write_h5(tmp_path / "x.h5", weights)
     path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(
-        ValueError, match=f"^{re.escape(str(path))}: not a sound HDF5 file: "
-    ):
+    with pytest.raises(ValueError, match=f"^{re.escape(str(path))}: not a sound HDF5 file: "):
         read(path)
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(10_000_000))
     with pytest.raises(ValueError, match="not a neural BRDF: more than 10,000,000 bytes"):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dsbrdf.cli._app import State
 
@@ -13,8 +14,10 @@ if TYPE_CHECKING:
 __all__ = ["open_models"]
 
 
-def open_models(targets: Sequence[str], state: State) -> Iterator[tuple[str, DSBRDF]]:
-    """Each target and its model; a bar shows what is fitted.
+def open_models(
+    targets: Sequence[str], state: State, reading: Mapping[str, Any]
+) -> Iterator[tuple[str, DSBRDF]]:
+    """Each target and its model; `reading` are options of `dsbrdf.read`; a bar shows what is fitted.
 
     Raises
     ------
@@ -23,12 +26,18 @@ def open_models(targets: Sequence[str], state: State) -> Iterator[tuple[str, DSB
     OSError
         If a file cannot be read.
     """
+    from dsbrdf import batch
     from dsbrdf.cli import _report as report
-    from dsbrdf.view import collect
+    from dsbrdf.fitting import fit
+    from dsbrdf.model import file as model_file
 
-    fits = sum(not target.lower().endswith(".json") for target in targets)
-    with report.progress(len(targets), shown=fits > 0) as step:
+    stored = [target.lower().endswith(".json") for target in targets]
+    with report.progress(len(targets), shown=not all(stored)) as step:
         begin = state.announce(step)
-        for target in targets:
-            yield target, collect.open_model(target, begin)
+        for target, is_model in zip(targets, stored, strict=True):
+            begin(Path(target).stem)
+            yield (
+                target,
+                model_file.load(target) if is_model else fit(batch.open_target(target, reading)).model,
+            )
     state.begin("")

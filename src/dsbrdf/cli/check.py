@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dsbrdf.cli._app import State, app, say
+from dsbrdf.cli._reading import takes_reading
 
 
 @app.command()
+@takes_reading
 def check(
     context: typer.Context,
     models: Annotated[
@@ -21,6 +23,8 @@ def check(
         ),
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each model.")] = False,
+    *,
+    reading: Any,
 ) -> None:
     """Check that models are fit to render with: reciprocity, energy, sampling."""
     from dsbrdf.cli import _report as report
@@ -29,7 +33,7 @@ def check(
 
     wrong = False
     state: State = context.obj
-    for path, model in open_models(models, state):
+    for path, model in open_models(models, state, reading):
         result = check_model(model)
         if as_json:
             print(report.json_line(result.summary() | {"model": path}), flush=True)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dsbrdf.cli._app import State, app, check_output, say
+from dsbrdf.cli._reading import takes_reading
 from dsbrdf.export import FORMATS
 
-#: Of the examples of help.
 HELP = "\n\n".join(f"{name}: {entry.description}." for name, entry in FORMATS.items())
 
 
 @app.command(help=f"Write a material as a file for another program.\n\n{HELP}")
+@takes_reading
 def export(
     context: typer.Context,
     material: Annotated[
@@ -41,6 +42,8 @@ def export(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that dsbrdf did not write.")] = False,
+    *,
+    reading: Any,
 ) -> None:
     """Parse, call, print."""
     from dsbrdf.cli._open import open_models
@@ -52,7 +55,7 @@ def export(
     path = source.with_name(f"{source.stem}.{FORMATS[to].suffix}") if out is None else out
     check_output(path, [source], force=force)
     state: State = context.obj
-    for _, model in open_models([material], state):
+    for _, model in open_models([material], state, reading):
         chosen = None if channels is None else channels.split(",")
         lost = write(model, path, to, channels=chosen, force=force)
     print(f"Written: {path}")

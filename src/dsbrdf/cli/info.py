@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dsbrdf.cli._app import State, app
+from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
@@ -19,6 +20,7 @@ ALBEDO_ANGLES = (0, 45, 75)
 
 
 @app.command()
+@takes_reading
 def info(
     context: typer.Context,
     model: Annotated[
@@ -29,12 +31,14 @@ def info(
             show_default=False,
         ),
     ],
+    *,
+    reading: Any,
 ) -> None:
     """Print what a model holds."""
     from dsbrdf.cli._open import open_models
 
     state: State = context.obj
-    for _, found in open_models([model], state):
+    for _, found in open_models([model], state, reading):
         print_model(found)
 
 
