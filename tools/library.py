@@ -50,8 +50,7 @@ def main() -> None:
         (args.rgl, "*.bsdf", "RGL"),
     ):
         for outcome in fit_many(sorted(folder.glob(pattern)), strict=True, **FIT):
-            of = outcome.model.source
-            recorded = {"file": of.file.name, "sha256": of.sha256, "description": source}
+            recorded = {**outcome.model.source.to_json(), "description": source}
             models.append(outcome.model.replace(source=Source(description=source, recorded=recorded)))
     library.write(args.out, models, SOURCES)
     print(f"{args.out}: {len(models)} materials, {args.out.stat().st_size / len(models):.0f} bytes each")

@@ -4,7 +4,11 @@ import dataclasses
 import json
 import os
 import shutil
+import subprocess
+import sys
 import threading
+import time
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +17,7 @@ from batches import OPTIONS, files_in, run, table
 
 import dsbrdf
 from dsbrdf import batch, cli
+from dsbrdf.batch import dispatch, jobs, record
 
 pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 
@@ -20,22 +25,22 @@ pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 @pytest.fixture
 def fitted(monkeypatch):
     """Names that are fitted, as they are."""
-    names, real = [], batch.fit
+    names, real = [], jobs.fit
 
     def count(measured, **options):
         names.append(measured.name)
         return real(measured, **options)
 
-    monkeypatch.setattr(batch, "fit", count)
+    monkeypatch.setattr(jobs, "fit", count)
     return names
 
 
 def test_models_and_tables(database, tmp_path):
     out = tmp_path / "out"
-    told = {"step": [], "done": []}
-    outcomes = run(database, out, step=told["step"].append, done=told["done"].append)
+    told = []
+    outcomes = run(database, out, done=told.append)
     assert [Path(outcome.target).name for outcome in outcomes] == ["a.binary", "b.binary", "c.binary"]
-    assert told == {"step": [outcome.target for outcome in outcomes], "done": outcomes}
+    assert told == outcomes
     assert files_in(out) == sorted(["a.json", "b.json", "c.json", batch.RECORD, *batch.TABLES])
     rows = table(out)
     assert [row["name"] for row in rows] == ["a", "b", "c"]
@@ -144,8 +149,8 @@ def test_a_copy_is_the_same_measurement(database, table_file, tmp_path, fitted):
     run(database, out)
     assert fitted == []
     # The new time is noted: the next run need not hash
-    record = json.loads((out / batch.RECORD).read_text())
-    assert record["fits"]["b"]["source"]["mtime_ns"] == 10**9
+    entries = [json.loads(line) for line in (out / batch.RECORD).read_text().splitlines()]
+    assert [entry["source"]["stamp"] for entry in entries if entry.get("name") == "b"] == [10**9]
 
 
 def test_built_in_materials_are_fitted_again(tmp_path, fitted):
@@ -155,12 +160,12 @@ def test_built_in_materials_are_fitted_again(tmp_path, fitted):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", '{"format": "dsbrdf batch"}', '{"fits": {"a": 3}}', "\0" * 9, "["]
+    "text", ["", "[]", '{"format": "dsbrdf batch"}', '{"name": "a"}', "\0" * 9, "[", "\udcff"]
 )
 def test_a_broken_record_is_none(database, tmp_path, fitted, text):
     out = tmp_path / "out"
     run(database, out)
-    (out / batch.RECORD).write_text(text)
+    (out / batch.RECORD).write_bytes(text.encode("utf-8", "surrogateescape"))
     fitted.clear()
     run(database, out)
     assert sorted(fitted) == ["a", "b", "c"]
@@ -169,10 +174,12 @@ def test_a_broken_record_is_none(database, tmp_path, fitted, text):
 def test_a_broken_entry_is_none(database, tmp_path, fitted):
     out = tmp_path / "out"
     run(database, out)
-    record = json.loads((out / batch.RECORD).read_text())
-    del record["fits"]["a"]["summary"]["rel"]
-    record["fits"]["b"] = "good"
-    (out / batch.RECORD).write_text(json.dumps(record))
+    head, *entries = (out / batch.RECORD).read_text().splitlines()
+    entries = {json.loads(entry)["name"]: entry for entry in entries}
+    a = json.loads(entries["a"])
+    del a["summary"]["rel"]
+    # The last line is cut off, as by a full disk
+    (out / batch.RECORD).write_text("\n".join([head, json.dumps(a), entries["c"], entries["b"][:-20]]))
     fitted.clear()
     run(database, out)
     assert sorted(fitted) == ["a", "b"]
@@ -219,14 +226,14 @@ def test_goes_on_after_a_bad_file(database, tmp_path, capsys):
 
 
 def test_a_failure_of_ours_does_not_stop_it_either(database, tmp_path, monkeypatch):
-    real = batch.fit
+    real = jobs.fit
 
     def stand_in(measured, **options):
         if measured.name == "a":
             raise ZeroDivisionError("division by zero")
         return real(measured, **options)
 
-    monkeypatch.setattr(batch, "fit", stand_in)
+    monkeypatch.setattr(jobs, "fit", stand_in)
     outcomes = run(database, tmp_path / "out")
     assert isinstance(outcomes[0].error, ZeroDivisionError)
     assert [outcome.error is None for outcome in outcomes] == [False, True, True]
@@ -235,35 +242,92 @@ def test_a_failure_of_ours_does_not_stop_it_either(database, tmp_path, monkeypat
 
 
 def test_interruption_leaves_a_sound_state(database, tmp_path, monkeypatch, fitted):
+    """What was finished is kept, also what was finished after the interruption."""
     out = tmp_path / "out"
-    real = batch.fit
+    real = jobs.fit
+    begun = threading.Event()
 
     def stand_in(measured, **options):
         if measured.name == "b":
+            assert begun.wait(20)
             raise KeyboardInterrupt
+        if measured.name == "a":
+            begun.set()
+            time.sleep(0.1)
         return real(measured, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(batch, "fit", stand_in)
+        patch.setattr(jobs, "fit", stand_in)
         with pytest.raises(KeyboardInterrupt):
             run(database, out)
-    assert files_in(out) == sorted(["a.json", batch.RECORD, *batch.TABLES])
-    assert [row["name"] for row in table(out)] == ["a"]
+    names = {row["name"] for row in table(out)}
+    assert {"a"} <= names <= {"a", "c"}
+    assert files_in(out) == sorted([*(f"{name}.json" for name in names), batch.RECORD, *batch.TABLES])
     fitted.clear()
-    assert [outcome.kept for outcome in run(database, out)] == [True, False, False]
-    assert sorted(fitted) == ["b", "c"]
+    assert [outcome.kept for outcome in run(database, out)] == [True, False, "c" in names]
+    assert sorted(fitted) == sorted({"b", "c"} - names)
 
 
 def test_killed_between_model_and_record(database, tmp_path, monkeypatch):
     out = tmp_path / "out"
     run(database, out)
-    monkeypatch.setattr(batch.Book, "save", lambda _: (_ for _ in ()).throw(OSError(28, "full", "record")))
+    monkeypatch.setattr(record.Book, "add", lambda *_: (_ for _ in ()).throw(OSError(28, "full", "record")))
     with pytest.raises(OSError, match="full"):
         run(database, out, loss="gamma")
     monkeypatch.undo()
     # The record is that of the first run, one model is not
-    assert [outcome.kept for outcome in run(database, out)] == [False, True, True]
+    assert sorted(outcome.kept for outcome in run(database, out)) == [False, True, True]
     assert not [name for name in files_in(out) if name.endswith(".part")]
+
+
+KILLED = """
+import os, sys
+from dsbrdf import batch
+
+def done(outcome):
+    os._exit(9)
+
+batch.fit_many(sys.argv[1], sys.argv[2], n_lobes=1, done=done)
+"""
+
+
+def test_a_run_that_was_killed_is_gone_on_with(database, tmp_path, fitted):
+    """Nothing that was written is lost, and no lock is left."""
+    out = tmp_path / "out"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-W", "ignore", "-c", KILLED, str(database), str(out)]
+    assert subprocess.run(command, env=environment, check=False, timeout=120).returncode == 9
+    assert record.LOCK in files_in(out)
+    there = {name for name in files_in(out) if name.endswith(".json")}
+    assert "a.json" in there
+    outcomes = run(database, out)
+    assert [outcome.kept for outcome in outcomes] == [f"{name}.json" in there for name in "abc"]
+    assert len(fitted) == 3 - len(there)
+    assert record.LOCK not in files_in(out)
+
+
+def test_two_runs_in_a_folder(database, tmp_path):
+    """The second is refused, and says by whom; the first is not disturbed."""
+    out = tmp_path / "out"
+    refused = []
+
+    def second(_):
+        with pytest.raises(batch.BusyError, match=f"process {os.getpid()} on .* is writing models") as error:
+            run(database, out)
+        refused.append(batch.describe(error.value))
+
+    outcomes = run(database, out, done=second)
+    assert [outcome.status for outcome in outcomes] == ["ok"] * 3
+    assert len(refused) == 3
+    assert "Wait for it, or give another folder." in refused[0]
+    assert all(outcome.kept for outcome in run(database, out))
+
+
+@pytest.mark.parametrize("name", ["../up", "a/b", "a\\b", "", "x" * 121, "new\nline"])
+def test_names_that_cannot_be_those_of_files(small_table, tmp_path, name):
+    (outcome,) = batch.fit_many([dataclasses.replace(small_table, name=name)], tmp_path / "out", **OPTIONS)
+    assert "is no name of a file" in outcome.status
+    assert files_in(tmp_path) == ["out"]
 
 
 def test_a_folder_that_holds_nothing(tmp_path, database):
@@ -278,22 +342,24 @@ def test_a_folder_that_holds_nothing(tmp_path, database):
 
 
 def test_memory_is_bounded(monkeypatch):
-    """However many files, only a few are read before the first is done with."""
-    opened, finished, most = [], [], []
+    """However many files, a thread holds no more than the one that it works on."""
+    alive, most = [], []
     lock = threading.Lock()
     table = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo)[..., :1], "grey", shape=(9, 6, 8))
 
     def stand_in(target, _):
+        opened = dataclasses.replace(table, name=target)
         with lock:
-            opened.append(target)
-            most.append(len(opened) - len(finished))
-        return dataclasses.replace(table, name=target)
+            alive.append(target)
+            most.append(len(alive))
+        weakref.finalize(opened, alive.remove, target)
+        return opened
 
-    monkeypatch.setattr(batch, "open_target", stand_in)
-    names = [f"m{i}" for i in range(20)]
+    monkeypatch.setattr(jobs, "open_target", stand_in)
+    names, finished = [f"m{i}" for i in range(20)], []
     outcomes = batch.fit_many(names, done=lambda outcome: finished.append(outcome.target), **OPTIONS)
     assert finished == [outcome.target for outcome in outcomes] == names
-    assert max(most) <= batch.WORKERS + batch.AHEAD
+    assert max(most) <= 2 * dispatch.THREADS
 
 
 def test_two_at_a_time(monkeypatch):
@@ -305,12 +371,12 @@ def test_two_at_a_time(monkeypatch):
         both.wait()
         return dataclasses.replace(table, name=target)
 
-    monkeypatch.setattr(batch, "open_target", stand_in)
+    monkeypatch.setattr(jobs, "open_target", stand_in)
     assert all(outcome.error is None for outcome in batch.fit_many(["a", "b"], **OPTIONS))
 
 
 def test_the_same_as_one_by_one(small_table, monkeypatch):
-    monkeypatch.setattr(batch, "open_target", lambda target, _: dataclasses.replace(small_table, name=target))
+    monkeypatch.setattr(jobs, "open_target", lambda target, _: dataclasses.replace(small_table, name=target))
     expected = dsbrdf.fit(small_table, **OPTIONS).errors.rel
     outcomes = batch.fit_many([f"m{i}" for i in range(6)], **OPTIONS)
     assert [outcome.summary["rel"] for outcome in outcomes] == [expected] * 6
@@ -344,8 +410,8 @@ def test_measurements_one_by_one(small_table, tmp_path):
     outcomes = dsbrdf.fit_many(measurements(), tmp_path, done=done.append, **OPTIONS)
     assert done == outcomes
     assert [outcome.target for outcome in outcomes] == [f"m{i}" for i in range(12)]
-    assert max(most) <= batch.WORKERS + batch.AHEAD + 1
-    assert len(list(tmp_path.glob("*.json"))) == 12 + batch.RECORD.endswith(".json")
+    assert max(most) <= dispatch.THREADS + dispatch.AHEAD + 1
+    assert len(list(tmp_path.glob("*.json"))) == 12
 
 
 def test_scattered_samples(tmp_path, rng):

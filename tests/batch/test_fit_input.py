@@ -37,14 +37,13 @@ def test_every_measured_file_of_a_folder(tmp_path):
     assert [Path(target).name for target in targets] == [*measured, "net_fc1.npy"]
 
 
-@pytest.mark.parametrize("processes", [0, 1])
-def test_columns_of_text(tmp_path, processes):
+def test_columns_of_text(tmp_path):
     scan = tmp_path / "scan.csv"
     scan.write_text(SCAN)
     out = tmp_path / "out"
-    (nameless,) = batch.fit_many([scan], processes=processes, **OPTIONS)
+    (nameless,) = batch.fit_many([scan], **OPTIONS)
     assert "no header" in nameless.status
-    (outcome,) = batch.fit_many([scan], out, reading={"columns": COLUMNS}, processes=processes, **OPTIONS)
+    (outcome,) = batch.fit_many([scan], out, reading={"columns": COLUMNS}, **OPTIONS)
     expected = dsbrdf.fit(dsbrdf.read(scan, columns=COLUMNS), **OPTIONS).model
     np.testing.assert_array_equal(outcome.model.lobes.scale, expected.lobes.scale)
     assert batch.fit_many([scan], out, reading={"columns": COLUMNS}, **OPTIONS)[0].kept

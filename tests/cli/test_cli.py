@@ -13,6 +13,7 @@ import pytest
 
 import dsbrdf
 from dsbrdf import batch, cli
+from dsbrdf.batch import jobs
 from dsbrdf.cli import _report as report
 
 SRC = Path(dsbrdf.__file__).parents[1]
@@ -59,10 +60,10 @@ def run(capsys):
 @pytest.fixture
 def replace_fit(monkeypatch):
     """Call with a function to stand in for `dsbrdf.fit`; it gets the real one as first argument."""
-    real = batch.fit
+    real = jobs.fit
 
     def replace(stand_in):
-        monkeypatch.setattr(batch, "fit", lambda measured, **options: stand_in(real, measured, **options))
+        monkeypatch.setattr(jobs, "fit", lambda measured, **options: stand_in(real, measured, **options))
 
     return replace
 

@@ -1,34 +1,37 @@
-"""Many files: fit after fit, two at a time; what fails is noted, what is done already is kept, one table of all.
+"""Many files: fit after fit, here or on other machines; what fails is noted, what is done already is kept.
 
-`fit_many` is here, in the package itself, and is read first. `record` remembers what a folder of models was made of, so
-that a later run keeps what is still good, and writes its tables. `worker` runs fits in processes of their own.
+`fit_many` is here, in the package itself, and is read first. `jobs` is what a worker does, `dispatch` sends jobs to the
+workers of an executor. `record` remembers what a folder of models was made of, so that a later run keeps what is still
+good, and writes its tables; `lock` keeps a second run out of the folder.
 """
 
 from __future__ import annotations
 
 import contextlib
+import lzma
 import warnings
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dsbrdf import _files
-from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path, source_of
-from dsbrdf.fitting.fit import Fit, fit
-from dsbrdf.measured import MeasuredBRDF, Samples, built_in, read
+from dsbrdf.batch.dispatch import ExecutorLostError, Executors, WorkerDiedError, dispatched
+from dsbrdf.batch.jobs import Answer, Job, Order, Target, label_of, open_target
+from dsbrdf.batch.lock import BusyError
+from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path
 from dsbrdf.measured.formats.nbrdf import npy_set
 from dsbrdf.measured.formats.text_file import has_numbers
+from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
-
-if TYPE_CHECKING:
-    from dsbrdf.batch.worker import Workers
 
 __all__ = [
     "RECORD",
     "TABLES",
+    "BusyError",
+    "ExecutorLostError",
+    "Executors",
     "Outcome",
     "Target",
     "WorkerDiedError",
@@ -38,19 +41,8 @@ __all__ = [
     "open_target",
 ]
 
-#: A file, the name of a built-in material, or what was measured.
-Target = str | Path | MeasuredBRDF | Samples
-
-#: One fit uses all cores for most of its time; a second fills in while the first reads.
-WORKERS = 2
-#: Begun beyond those that are worked on, before the first is handed on: bounds what is held in memory.
-AHEAD = 1
 #: Files of a folder that are measured ones; an image in it may be anything, and is given by itself.
 SUFFIXES = (".binary", ".bsdf", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".tsv", ".txt", ".dat", ".asc")
-
-
-class WorkerDiedError(RuntimeError):
-    """The process of a fit ended before the fit did."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +64,6 @@ class Outcome:
         Whether the model is that of an earlier run.
     error : Exception or None
         Why there is no model.
-    model : DSBRDF or None
-        The model, if it was fitted in this run.
     """
 
     target: str
@@ -82,26 +72,24 @@ class Outcome:
     status: str = "ok"
     kept: bool = False
     error: Exception | None = None
-    model: DSBRDF | None = field(default=None, repr=False)
+    # The text of the file, compressed, if there is none
+    _text: bytes = field(default=b"", repr=False)
 
-
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """What a thread hands back: a fit, or the entry of an earlier run, or why there is neither."""
-
-    name: str
-    source: dict[str, Any] | None = None
-    result: Fit | None = None
-    summary: dict[str, Any] | None = None
-    entry: dict[str, Any] | None = None
-    error: Exception | None = None
+    @cached_property
+    def model(self) -> DSBRDF | None:
+        """The model, read from its file if it has one; None if the fit failed."""
+        if self._text:
+            return model_file.loads(lzma.decompress(self._text).decode(), self.target)
+        return None if self.path is None or self.error is not None else model_file.load(self.path)
 
 
 def describe(error: BaseException) -> str:
     """What an error says, in a sentence for who uses the command."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'standard output'}: {error.strerror}."
-    if isinstance(error, OSError | ValueError | ImportError | WorkerDiedError):
+    if isinstance(
+        error, OSError | ValueError | ImportError | BusyError | ExecutorLostError | WorkerDiedError
+    ):
         return str(error)
     if isinstance(error, MemoryError):
         return "out of memory."
@@ -147,49 +135,22 @@ def _is_measured(entry: Path) -> bool:
     return network is None or network["fc1"] == entry
 
 
-def _label(target: Target) -> str:
-    return target.name if isinstance(target, MeasuredBRDF | Samples) else str(target)
-
-
 def _failure(target: str, error: Exception) -> str:
     text = describe(error)
     return text if target in text else f"{target}: {text}"
 
 
-def open_target(target: str, reading: Mapping[str, Any] | None = None) -> MeasuredBRDF | Samples:
-    """The measured file, read with these options of `dsbrdf.read`, or else the built-in material, of this name.
-
-    Raises
-    ------
-    ValueError
-        If there is neither, or the file is of no known format.
-    OSError
-        If the file cannot be read.
-    """
-    if Path(target).exists():
-        return read(target, **(reading or {}))
-    if target in built_in.names():
-        return built_in.material(target)
-    if Path(target).suffix or Path(target).name != target:
-        raise ValueError(f"{target}: no such file.")
-    try:
-        return built_in.material(target)
-    except ValueError as error:
-        raise ValueError(f"{target}: no such file; {error}") from None
-
-
 def fit_many(
     targets: str | Path | Iterable[Target],
     out: str | Path | None = None,
+    executor: Executors | None = None,
     *,
     reading: Mapping[str, Any] | None = None,
-    processes: int = 0,
     record: bool = True,
     force: bool = False,
     strict: bool = False,
     plots: bool = False,
-    step: Callable[[str], None] = lambda _: None,
-    begin: Callable[[str], None] = lambda _: None,
+    pending: int | None = None,
     done: Callable[[Outcome], None] = lambda _: None,
     **options: Any,
 ) -> list[Outcome]:
@@ -202,15 +163,16 @@ def fit_many(
     Parameters
     ----------
     targets : str, Path, or iterable of str, Path, MeasuredBRDF or Samples
-        Files, names of built-in materials and measurements; or a folder of files. An iterable is taken from as the
-        work goes on, so that measurements can be made one by one.
+        Files, URLs of fsspec, names of built-in materials and measurements; or a folder of files. An iterable is taken
+        from as the work goes on, so that measurements can be made one by one. Files are read where the worker is.
     out : str or Path, optional
         Folder for models `<name>.json`; none are written by default.
+    executor : concurrent.futures.Executor, or callable that makes one, optional
+        Where fits run: processes of loky, `client.get_executor()` of Dask, mpi4py.futures. By default two threads of
+        this process: a fit lets go of the interpreter and uses all cores. A pool whose worker dies takes no more work:
+        give the function that makes it (`loky.get_reusable_executor`), and what was lost is fitted with another one.
     reading : mapping, optional
         Options of `dsbrdf.read`, such as `columns`, for all files.
-    processes : int, optional
-        Fit in so many processes of their own: a fit that crashes or is killed is tried once more, and then noted as
-        failed while the others go on. By default two threads of this process, which are as fast.
     record : bool, optional
         Keep models of an earlier run, and write `fits.csv`, `fits.md` and a record for the next run, in `out`.
     force : bool, optional
@@ -218,14 +180,13 @@ def fit_many(
     strict : bool, optional
         Raise instead of going on.
     plots : bool, optional
-        Write figures beside the models, which needs matplotlib; of scattered samples there are none, with a
-        warning.
-    step : callable, optional
-        Told in order what is waited for.
-    begin : callable, optional
-        Told what is begun, in the thread that does it.
+        Write figures beside the models, which needs matplotlib where the workers are; of scattered samples there are
+        none, with a warning.
+    pending : int, optional
+        Most chunks of work that are sent before the first comes back. By default two for each worker, or 1000 if the
+        executor does not say how many it has.
     done : callable, optional
-        Told in order what became of each, as it comes.
+        Called in order with what became of each.
     **options
         Of `dsbrdf.fit`.
 
@@ -236,136 +197,115 @@ def fit_many(
 
     Raises
     ------
+    BusyError
+        If another run is writing to `out`.
+    ExecutorLostError
+        If the executor takes no more work, and there is no function to make another one.
     OSError
         If a file in `out` cannot be written.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> outcomes = dsbrdf.fit_many(["matte", "grey-primer"], n_lobes=1)
+    >>> [outcome.model.name for outcome in outcomes]
+    ['matte', 'grey-primer']
     """
     if isinstance(targets, str | Path):
         targets, _ = expand([targets], strict=True)
-    if processes < 0:
-        raise ValueError(f"'processes' must be at least 0, got {processes}.")
     folder = None if out is None else Path(out)
-    workers = None
-    if processes:
-        from dsbrdf.batch.worker import Workers
-
-        workers = Workers(processes)
     said = {"reading": dict(reading)} if reading else {}
     book = Book(folder if record else None, options | said, force=force)
-    taken: dict[Path, str] = {}
-    outcomes: list[Outcome] = []
+    order = Order(options, reading or {}, book.folder is not None, plots)
+    taken: dict[Path, tuple[int, str]] = {}
+    outcomes: dict[int, Outcome] = {}
     failures: list[tuple[str, str]] = []
+    told = 0
 
-    def work(target: Target) -> _Work:
-        begin(_label(target))
-        return _work(target, reading, options, book, plots, workers)
+    def fail(label: str, error: Exception) -> Outcome:
+        if strict:
+            raise error
+        failures.append((Path(label).stem, _failure(label, error)))
+        return Outcome(label, status=failures[-1][1], error=error)
 
-    def finish(target: str, of_thread: _Work) -> Outcome:
-        error = of_thread.error
-        path = None if folder is None else folder / f"{of_thread.name}.json"
-        if error is None and path in taken:
-            error = ValueError(f"{path} is already the model of {taken[path]}. Give it another folder.")
-        if error is not None:
-            if strict:
-                raise error
-            failures.append((Path(target).stem, _failure(target, error)))
-            return Outcome(target, status=failures[-1][1], error=error)
-        if path is not None:
-            taken[path] = target
-        return _finish(target, of_thread, path, book, plots)
+    def claim(path: Path, index: int, label: str) -> None:
+        """Of two materials of a name the first among the targets gets the file, whichever was fitted first."""
+        first, second = sorted([taken.get(path, (index, label)), (index, label)])
+        taken[path] = first
+        if first == second:
+            return
+        error = ValueError(f"{path} is already the model of {first[1]}. Give it another folder.")
+        if second[0] == index:
+            raise _FailedError(error)
+        outcomes[second[0]] = fail(second[1], error)
 
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(book.tables(failures))
-        results = stack.enter_context(contextlib.closing(_ahead(work, targets, processes or WORKERS)))
-        if workers is not None:
-            # Before the threads that wait for them
-            stack.callback(workers.close)
-        for target, waited_for in results:
-            step(target)
-            outcomes.append(finish(target, waited_for.result()))
-            done(outcomes[-1])
-    return outcomes
-
-
-def _ahead(
-    work: Callable[[Target], _Work], targets: Iterable[Target], n_threads: int
-) -> Generator[tuple[str, Future[_Work]], None, None]:
-    """Targets in order, and what will come of them; a few are begun before they are asked for."""
-    pool = ThreadPoolExecutor(n_threads)
-    begun: deque[tuple[str, Future[_Work]]] = deque()
-    try:
-        for target in targets:
-            begun.append((_label(target), pool.submit(work, target)))
-            if len(begun) == n_threads + AHEAD:
-                yield begun.popleft()
-        while begun:
-            yield begun.popleft()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with (
+        book.kept(failures),
+        contextlib.closing(dispatched(executor, _jobs(targets, book, plots), order, pending)) as answers,
+    ):
+        for job, answer in answers:
+            label = label_of(job.target)
+            for text, category in answer.warnings:
+                warnings.warn(text, category, stacklevel=2)
+            try:
+                if answer.error is not None:
+                    raise _FailedError(answer.error)
+                path = None if folder is None else folder / f"{_file_name(answer.name)}.json"
+                if path is not None:
+                    claim(path, job.index, label)
+                outcomes[job.index] = _finished(label, answer, path, book)
+            except _FailedError as failed:
+                outcomes[job.index] = fail(label, failed.error)
+            while told in outcomes:
+                done(outcomes[told])
+                told += 1
+    return [outcomes[i] for i in range(len(outcomes))]
 
 
-def _work(
-    target: Target,
-    reading: Mapping[str, Any] | None,
-    options: Mapping[str, Any],
-    book: Book,
-    plots: bool,
-    workers: Workers | None,
-) -> _Work:
-    name = Path(_label(target)).stem
-    try:
-        target = str(target) if isinstance(target, Path) else target
-        measured = open_target(target, reading) if isinstance(target, str) else target
-        name = measured.name
-        source = source_of(measured) if book.folder is not None else None
-        entry = book.still_good(name, measured, source, plots and isinstance(measured, MeasuredBRDF))
-        if entry is not None:
-            return _Work(name, source, entry=entry)
-        if workers is not None:
-            result, summary = workers.fit(target, reading, measured, options, book.folder is not None)
-        else:
-            result = fit(measured, **options)
-            if book.folder is not None:
-                # Hashed here, while the other thread fits
-                _ = measured.source.sha256
-            summary = result.summary()
-        if result.estimate.criteria.size:
-            summary["criteria"] = result.estimate.criteria.tolist()
-        return _Work(name, source, result, summary)
-    except Exception as error:
-        return _Work(name, error=error)
+class _FailedError(Exception):
+    """There is no model, for reasons of the measurement."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(error)
+        self.error = error
 
 
-def _finish(target: str, work: _Work, path: Path | None, book: Book, plots: bool) -> Outcome:
+def _jobs(targets: Iterable[Target], book: Book, figures: bool) -> Iterator[Job]:
+    for index, given in enumerate(targets):
+        target = str(given) if isinstance(given, Path) else given
+        file = Path(target) if isinstance(target, str) else target.source.file
+        known = None if file is None else book.known(file.name, figures=figures)
+        yield Job(index, target, known)
+
+
+def _finished(label: str, answer: Answer, path: Path | None, book: Book) -> Outcome:
     """Write the model, then its figures, then the record: what the record tells of is there."""
-    result = work.result
-    if result is None:
-        assert work.entry is not None
-        book.add(work.name, {**work.entry, "source": work.source})
-        return Outcome(target, dict(work.entry["summary"]), path, work.entry["status"], kept=True)
-    if path is not None:
-        result.model.save(path)
-        if plots:
-            _write_figures(result, path)
-    status = "ok" if result.converged else "out of iterations"
-    if path is not None and book.folder is not None:
-        source = work.source and {**work.source, "sha256": result.measured.source.sha256}
-        hashed = _files.sha256(path)
-        entry = {"source": source, "model_sha256": hashed, "summary": work.summary, "status": status}
-        book.add(work.name, {**entry, "options": book.options})
-        book.save()
-    return Outcome(target, work.summary, path, status, model=result.model)
+    if answer.kept:
+        entry = {**book.earlier[answer.name], "source": answer.source}
+        book.add(answer.name, entry)
+        return Outcome(label, dict(entry["summary"]), path, entry["status"], kept=True)
+    assert answer.summary is not None
+    status = "ok" if answer.summary["converged"] else "out of iterations"
+    if path is None:
+        return Outcome(label, answer.summary, status=status, _text=answer.model)
+    with _files.aside(path) as part:
+        part.write_text(lzma.decompress(answer.model).decode(), encoding="utf-8")
+    for ending, figure in answer.figures.items():
+        with _files.aside(figure_path(path, ending)) as part:
+            part.write_bytes(figure)
+    if book.folder is not None:
+        entry = {"source": answer.source, "model_sha256": _files.sha256(path)}
+        entry |= {"summary": answer.summary, "status": status, "options": book.options}
+        book.add(answer.name, entry)
+    return Outcome(label, answer.summary, path, status)
 
 
-def _write_figures(result: Fit, path: Path) -> None:
-    if isinstance(result.measured, Samples):
-        warnings.warn(
-            f"{result.model.name}: no figures: they show a measured table, and these are {len(result.measured)} "
-            "scattered samples. See the model with 'dsbrdf view'.",
-            UserWarning,
-            stacklevel=2,
+def _file_name(name: str) -> str:
+    """The name, if it can be that of a file: what is read never decides where something is written."""
+    if not name or Path(name).name != name or "\\" in name or not name.isprintable() or len(name) > 120:
+        raise _FailedError(
+            ValueError(
+                f"{name!r:.60} is no name of a file: expected up to 120 printable characters without / and \\."
+            )
         )
-        return
-    from dsbrdf import plot
-
-    plot.write_figure(plot.fit_figure(result), figure_path(path, ""))
-    plot.write_figure(plot.parameter_figure(result.model), figure_path(path, "-parameters"))
+    return name

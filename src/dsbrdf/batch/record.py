@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from dsbrdf import _files
-from dsbrdf.measured import MeasuredBRDF, Samples
+from dsbrdf.batch import lock
 
-__all__ = ["RECORD", "TABLES", "Book", "figure_path", "source_of"]
+__all__ = ["LOCK", "RECORD", "TABLES", "Book", "figure_path"]
 
-#: In the folder of models: what was fitted, how, from which file.
-RECORD = ".dsbrdf-batch.json"
+#: In the folder of models: what was fitted, how, from which file; and, while it is being written to, by whom.
+RECORD = ".dsbrdf-batch.jsonl"
+LOCK = ".dsbrdf-batch.lock"
 #: In the folder of models: one line a material.
 TABLES = ("fits.csv", "fits.md")
 FORMAT = "dsbrdf batch"
@@ -43,17 +44,12 @@ def figure_path(path: Path, ending: str) -> Path:
     return path.with_name(f"{path.stem}{ending}.png")
 
 
-def source_of(measured: MeasuredBRDF | Samples) -> dict[str, Any] | None:
-    """What tells a file from others without reading it; None for built-in materials."""
-    file = measured.source.file
-    if file is None:
-        return None
-    stat = file.stat()
-    return {"file": file.name, "size": stat.st_size, "mtime_ns": stat.st_mtime_ns}
-
-
 class Book:
-    """The record of a folder of models, and the tables made from it."""
+    """The record of a folder of models, and the tables made from it.
+
+    The record is a line of JSON for each model, written when the model is there; of two for the same name the later
+    one holds, and a last line that is not whole is none.
+    """
 
     def __init__(self, folder: Path | None, options: Mapping[str, Any], *, force: bool) -> None:
         from dsbrdf import __version__
@@ -65,26 +61,25 @@ class Book:
         )
         self.entries = {} if folder is None else _read_record(folder / RECORD)
         self.earlier = {} if force else dict(self.entries)
+        # Names by that of the file
+        self._names = {
+            entry["source"]["file"]: name
+            for name, entry in self.earlier.items()
+            if isinstance(entry["source"], dict) and isinstance(entry["source"].get("file"), str)
+        }
 
-    def still_good(
-        self, name: str, measured: MeasuredBRDF | Samples, source: dict[str, Any] | None, plots: bool
-    ) -> dict[str, Any] | None:
-        """The entry of an earlier run that need not be repeated; completes `source` by its hash."""
-        entry = self.earlier.get(name)
-        if self.folder is None or source is None or entry is None or not isinstance(entry["source"], dict):
+    def known(self, file: str, *, figures: bool) -> Mapping[str, Any] | None:
+        """What tells the file of an earlier fit, which need not be repeated if it is the same, from others."""
+        name = self._names.get(file)
+        if name is None:
             return None
-        then = entry["source"]
-        if entry["options"] != self.options or (source["file"], source["size"]) != (
-            then.get("file"),
-            then.get("size"),
-        ):
+        entry = self.earlier[name]
+        if entry["options"] != self.options or not self._is_intact(name, entry):
             return None
-        if not self._is_intact(name, entry) or (plots and not self._has_figures(name)):
+        source: Mapping[str, Any] = entry["source"]
+        if figures and source.get("is_table") and not self._has_figures(name):
             return None
-        if source["mtime_ns"] != then.get("mtime_ns") and measured.source.sha256 != then.get("sha256"):
-            return None
-        source["sha256"] = then.get("sha256")
-        return entry
+        return source if isinstance(source.get("sha256"), str) else None
 
     def _is_intact(self, name: str, entry: Mapping[str, Any]) -> bool:
         assert self.folder is not None
@@ -100,36 +95,54 @@ class Book:
         return all(figure_path(path, ending).exists() for ending in ("", "-parameters"))
 
     def add(self, name: str, entry: dict[str, Any]) -> None:
-        """Note a model; `save` writes it down."""
-        self.entries[name] = entry
-
-    def save(self) -> None:
-        """Write the record aside and rename it."""
+        """Note a model."""
         assert self.folder is not None
-        content = {"format": FORMAT, "schema": SCHEMA, "fits": self.entries}
-        with _files.aside(self.folder / RECORD) as part:
-            part.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        if self.entries.get(name) == entry:
+            return
+        self.entries[name] = entry
+        with (self.folder / RECORD).open("a", encoding="utf-8", newline="\n") as file:
+            file.write(json.dumps({"name": name, **entry}) + "\n")
+
+    def _compact(self) -> None:
+        """Write the record anew, a line a model, and without the rest of a line that was cut off."""
+        assert self.folder is not None
+        head = {"format": FORMAT, "schema": SCHEMA}
+        rows = [head, *({"name": name, **entry} for name, entry in self.entries.items())]
+        with (
+            _files.aside(self.folder / RECORD) as part,
+            part.open("w", encoding="utf-8", newline="\n") as file,
+        ):
+            file.writelines(json.dumps(row) + "\n" for row in rows)
 
     @contextlib.contextmanager
-    def tables(self, failures: Sequence[tuple[str, str]]) -> Iterator[None]:
-        """Write record and tables at the end, however it comes; `failures` are names and what was wrong."""
+    def kept(self, failures: Sequence[tuple[str, str]]) -> Iterator[None]:
+        """Keep record and tables of a run, however it ends; `failures` are names and what was wrong.
+
+        Raises
+        ------
+        BusyError
+            If another run is writing to the folder.
+        """
         if self.folder is None:
             yield
             return
-        try:
-            yield
-        except BaseException:
-            # That is what is to be told, not that a table cannot be written either
-            with contextlib.suppress(OSError):
-                self._write_tables(failures)
-            raise
-        self._write_tables(failures)
+        with lock.held(self.folder / LOCK):
+            self._compact()
+            try:
+                yield
+            except BaseException:
+                # That is what is to be told, not that a table cannot be written either
+                with contextlib.suppress(OSError):
+                    self._write_tables(failures)
+                raise
+            self._write_tables(failures)
 
     def _write_tables(self, failures: Sequence[tuple[str, str]]) -> None:
         assert self.folder is not None
         if not self.entries and not failures:
+            (self.folder / RECORD).unlink(missing_ok=True)
             return
-        self.save()
+        self._compact()
         rows = self._rows(failures)
         for name, text in zip(TABLES, (_csv(rows), _markdown(rows, self.options)), strict=True):
             with _files.aside(self.folder / name) as part:
@@ -160,20 +173,25 @@ def _told(option: Any) -> str:
 def _read_record(path: Path) -> dict[str, dict[str, Any]]:
     """Entries of a record; those that are not sound, or all if it is none, are as if they had never been."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        head, *lines = map(_parsed, path.read_text(encoding="utf-8", errors="replace").splitlines())
+    except (OSError, ValueError):
         return {}
-    if not isinstance(content, dict) or (content.get("format"), content.get("schema")) != (FORMAT, SCHEMA):
+    if (head.get("format"), head.get("schema")) != (FORMAT, SCHEMA):
         return {}
-    fits = content.get("fits")
-    return {name: entry for name, entry in fits.items() if _is_sound(entry)} if isinstance(fits, dict) else {}
+    return {line.pop("name"): line for line in lines if _is_sound(line)}
 
 
-def _is_sound(entry: Any) -> bool:
-    kinds = {"options": dict, "summary": dict, "status": str, "model_sha256": str}
-    if not isinstance(entry, dict) or not all(
-        isinstance(entry.get(key), kind) for key, kind in kinds.items()
-    ):
+def _parsed(line: str) -> dict[str, Any]:
+    try:
+        content = json.loads(line)
+    except (ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _is_sound(entry: Mapping[str, Any]) -> bool:
+    kinds = {"name": str, "options": dict, "summary": dict, "status": str, "model_sha256": str}
+    if not all(isinstance(entry.get(key), kind) for key, kind in kinds.items()):
         return False
     return "source" in entry and {"name", *HEADS} <= set(entry["summary"])
 

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import multiprocessing
+import os
 import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
 from dsbrdf.cli._reading import takes_reading
+
+if TYPE_CHECKING:
+    from dsbrdf.batch import Executors
+
+#: Seconds that a scheduler has to answer.
+CONNECTING = 10
 
 
 class Loss(StrEnum):
@@ -70,6 +82,20 @@ def fit(
     force: Annotated[
         bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
     ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Fit in N processes, by default in this one.", show_default=False
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Fit on the workers of a Dask scheduler, as in tcp://host:8786.",
+            show_default=False,
+        ),
+    ] = None,
     *,
     reading: Any,
 ) -> None:
@@ -102,12 +128,17 @@ def fit(
     results: list[batch.Outcome] = []
 
     def done(outcome: batch.Outcome) -> None:
+        step(outcome.target)
         (failures if outcome.summary is None else results).append(outcome)
         if as_json and outcome.summary is not None:
             print(report.json_line(report.with_path(outcome)), flush=True)
 
     try:
-        with report.progress(len(targets), shown=not (as_json and sys.stdout.isatty())) as step:
+        with (
+            report.progress(len(targets), shown=not (as_json and sys.stdout.isatty())) as step,
+            _executor(workers, scheduler) as executor,
+        ):
+            step("")
             batch.fit_many(
                 targets,
                 out,
@@ -116,15 +147,16 @@ def fit(
                 force=force,
                 strict=state.debug,
                 plots=plot,
-                step=step,
-                begin=state.begin,
+                executor=executor,
                 done=done,
                 **options,
             )
     finally:
         if results and not as_json:
             report.print_outcomes(results, out, is_batch=is_batch)
-        if bright := energy.warning(result.model for result in results if result.model is not None):
+        if bright := energy.warning(
+            result.model for result in results if result.model is not None and not result.kept
+        ):
             say(bright)
         for failure in failures:
             say(f"error: {failure.status}")
@@ -135,6 +167,39 @@ def fit(
         print(f"Page: {page}", file=sys.stderr if as_json else sys.stdout)
     if failures:
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executors | None]:
+    """Where fits run."""
+    if scheduler is None:
+        yield None if workers is None else functools.partial(_processes, workers)
+        return
+    if workers is not None:
+        raise typer.BadParameter(
+            "the scheduler has its workers: leave out --workers.", param_hint="'--scheduler'"
+        )
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            '--scheduler needs Dask: pip install "dsbrdf[cluster]"', name="distributed"
+        ) from None
+    with Client(scheduler, timeout=CONNECTING) as client:  # type: ignore[no-untyped-call]
+        yield client.get_executor()
+
+
+def _processes(n: int) -> Executor:
+    """A pool of processes that share the cores."""
+    threads = max(1, (os.cpu_count() or 1) // n)
+    return ProcessPoolExecutor(
+        n, multiprocessing.get_context("spawn"), initializer=_share_cores, initargs=(threads,)
+    )
+
+
+def _share_cores(threads: int) -> None:
+    """Let the kernel of this process have so many threads, unless the user has said how many."""
+    os.environ.setdefault("RAYON_NUM_THREADS", str(threads))
 
 
 def _lobe_count(text: str) -> int | str:

@@ -168,7 +168,8 @@ def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
     check_output(out, names)
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
-        outcomes = batch.fit_many(measured, strict=True, begin=state.begin, step=step, **FIT)
+        step("")
+        outcomes = batch.fit_many(measured, strict=True, done=lambda outcome: step(outcome.target), **FIT)
     fitted = iter([outcome.model for outcome in outcomes if outcome.model is not None])
     opened = []
     for name in names:

@@ -163,7 +163,9 @@ def _padded(found: _core._Solution, sizes: tuple[int, ...], n_channels: int) -> 
     n_lobes = found["n_lobes"]
     absent = np.repeat((ABSENT, 1.0, 0.0, 0.0), shared)
     x, colour = np.split(found["x"], [n_lobes * sum(shared)])
-    colour = np.pad(colour.reshape(-1, n_lobes * n_colour), ((0, 0), (0, n_colour))) if colour.size else colour
+    colour = (
+        np.pad(colour.reshape(-1, n_lobes * n_colour), ((0, 0), (0, n_colour))) if colour.size else colour
+    )
     return {**found, "n_lobes": n_lobes + 1, "x": np.concatenate([x, absent, colour.ravel()])}
 
 

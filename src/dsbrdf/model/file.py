@@ -17,7 +17,7 @@ from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.model.lobes import Lobes
 
-__all__ = ["SCHEMA", "ModelFormatError", "load", "models_in", "save"]
+__all__ = ["SCHEMA", "ModelFormatError", "dumps", "load", "loads", "models_in", "save"]
 
 #: Version of the layout; every later version of the package reads it.
 SCHEMA = 1
@@ -25,8 +25,8 @@ FORMAT = "dsbrdf model"
 LOBES = ("scale", "gamma", "beta", "falloff", "colour")
 WIDTH = "azimuthal_width"
 PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
-#: Numbers of the profile, which is there for plots.
-PROFILE_DIGITS = 5
+#: Digits of angles and of values of the profile, which is there for plots.
+PROFILE_DIGITS = {"theta_d": 5, "theta_h": 5, "mean": 3, "amplitude": 3}
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
 #: Commas and brackets, as each may stand for 30 bytes of memory or more.
@@ -47,6 +47,12 @@ def save(model: DSBRDF, path: str | Path) -> None:
     TypeError
         If the parameters carry gradients and have no values.
     """
+    with _files.aside(path) as part:
+        part.write_text(dumps(model), encoding="utf-8")
+
+
+def dumps(model: DSBRDF) -> str:
+    """The text of a model file; errors as `save`."""
     lobes = model.lobes.numpy
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -64,8 +70,7 @@ def save(model: DSBRDF, path: str | Path) -> None:
     }
     if model.profile is not None:
         content["profile"] = _profile_to_json(model.profile)
-    with _files.aside(path) as part:
-        part.write_text(_to_text(content) + "\n", encoding="utf-8")
+    return _to_text(content) + "\n"
 
 
 def _to_text(content: dict[str, Any]) -> str:
@@ -91,13 +96,13 @@ def _profile_to_json(profile: MeasuredProfile) -> dict[str, Any]:
         "mean": profile.mean,
         "amplitude": profile.amplitude,
     }
-    return {key: _rounded(array.tolist()) for key, array in arrays.items()}
+    return {key: _rounded(array.tolist(), PROFILE_DIGITS[key]) for key, array in arrays.items()}
 
 
-def _rounded(values: Any) -> Any:
+def _rounded(values: Any, digits: int) -> Any:
     if isinstance(values, list):
-        return [_rounded(value) for value in values]
-    return float(f"{values:.{PROFILE_DIGITS}g}") if math.isfinite(values) else None
+        return [_rounded(value, digits) for value in values]
+    return float(f"{values:.{digits}g}") if math.isfinite(values) else None
 
 
 def _profile_from_json(content: dict[str, Any]) -> MeasuredProfile:
@@ -134,6 +139,14 @@ def load(path: str | Path) -> DSBRDF:
         raise ModelFormatError(f"{path}: not a model file: {size:,} bytes are more than any model has.")
     try:
         text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelFormatError(f"{path}: not a model file: not JSON ({error}).") from None
+    return loads(text, str(path))
+
+
+def loads(text: str, path: str = "model") -> DSBRDF:
+    """The model of a text that is, or would be, at `path`; errors as `load`."""
+    try:
         if text.count(",") + 2 * text.count("[") + 8 * text.count("{") > MAX_MARKS:
             raise ModelFormatError(f"{path}: not a model file: more values than any model has.")
         content = json.loads(text)
