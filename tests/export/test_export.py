@@ -17,6 +17,7 @@ from dsbrdf import _files, read_merl
 from dsbrdf.cli import main
 from dsbrdf.export import FORMATS, colour, export
 from dsbrdf.geometry.colour import srgb_weights
+from dsbrdf.shader import LANGUAGES
 
 MODEL = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], name="made up")
 ONE_CHANNEL = by_hand([0.5], [3.0], [0.0], tint=(1.0,))
@@ -37,7 +38,7 @@ def test_every_format_writes_a_file(tmp_path):
         "rgl-spectral": b"tensor_file\0",
         "merl": np.array([90, 90, 180], "<i4").tobytes(),
         "brdf": b"analytic",
-        "glsl": b"// made up",
+        **dict.fromkeys(LANGUAGES, b"// made up, written by dsbrdf"),
         "principled": b"{",
         "gltf": b"{",
         "glb": b"glTF",

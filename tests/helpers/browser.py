@@ -14,7 +14,7 @@ from dsbrdf.model.lobes import SHARED
 from dsbrdf.view.data import rgb_channels
 from dsbrdf.view.page import constants
 
-#: No network, no sandbox inside of containers, WebGL2 in software.
+#: No network, no sandbox inside of containers, WebGL2 and WebGPU in software.
 ARGUMENTS = (
     "--no-sandbox",
     "--disable-background-networking",
@@ -22,6 +22,8 @@ ARGUMENTS = (
     "--disable-sync",
     "--no-first-run",
     "--enable-unsafe-swiftshader",
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
 )
 
 RUN_GLSL = """
@@ -132,6 +134,70 @@ def run_glsl(page, functions, expression, *inputs):
         }}"""
     text = page.evaluate(RUN_GLSL, [source, base64.b64encode(packed.tobytes()).decode(), n, len(inputs)])
     return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(-1, 4)[:n].astype(float)
+
+
+RUN_WGSL = """
+async ([source, inputs, n, nInputs]) => {
+    const adapter = navigator.gpu && (await navigator.gpu.requestAdapter());
+    if (!adapter) throw new Error("no WebGPU");
+    const device = await adapter.requestDevice();
+    const module = device.createShaderModule({ code: source });
+    const { messages } = await module.getCompilationInfo();
+    if (messages.length) throw new Error(messages.map((m) => `${m.lineNum}: ${m.message}`).join("\\n"));
+    const pipeline = await device.createComputePipelineAsync({ layout: "auto", compute: { module } });
+    const bytes = Uint8Array.from(atob(inputs), (c) => c.charCodeAt(0));
+    const { STORAGE, COPY_DST, COPY_SRC, MAP_READ } = GPUBufferUsage;
+    const given = device.createBuffer({ size: bytes.length, usage: STORAGE | COPY_DST });
+    device.queue.writeBuffer(given, 0, bytes);
+    const made = device.createBuffer({ size: 16 * n, usage: STORAGE | COPY_SRC });
+    const read = device.createBuffer({ size: 16 * n, usage: MAP_READ | COPY_DST });
+    const encoder = device.createCommandEncoder(), pass = encoder.beginComputePass();
+    pass.setPipeline(pipeline);
+    pass.setBindGroup(0, device.createBindGroup({
+        layout: pipeline.getBindGroupLayout(0),
+        entries: [{ binding: 0, resource: { buffer: given } }, { binding: 1, resource: { buffer: made } }],
+    }));
+    pass.dispatchWorkgroups(Math.ceil(n / 64));
+    pass.end();
+    encoder.copyBufferToBuffer(made, 0, read, 0, 16 * n);
+    device.queue.submit([encoder.finish()]);
+    await read.mapAsync(GPUMapMode.READ);
+    const out = new Uint8Array(read.getMappedRange());
+    let text = "";
+    for (let i = 0; i < out.length; i += 32768) text += String.fromCharCode(...out.subarray(i, i + 32768));
+    device.destroy();
+    return btoa(text);
+}
+"""
+
+
+def secure_page(browser):
+    """A tab, empty, of an origin that is given WebGPU."""
+    page = browser.new_page()
+    page.route("https://dsbrdf.test/**", lambda route: route.fulfill(body=BLANK, content_type="text/html"))
+    page.goto("https://dsbrdf.test/")
+    return page
+
+
+def run_wgsl(page, functions, expression, *inputs):
+    """Values (n, 4) of a WGSL expression of type vec4f for each row of `inputs`; `page` is a `secure_page`."""
+    n = len(inputs[0])
+    packed = np.zeros((n, len(inputs), 4), dtype="<f4")
+    for i, values in enumerate(inputs):
+        packed[:, i, : values.shape[1]] = values
+    fetches = "".join(
+        f"let {chr(ord('a') + i)} = inputs[{len(inputs)}u * at.x + {i}u];\n" for i in range(len(inputs))
+    )
+    source = f"""{functions}
+        @group(0) @binding(0) var<storage, read> inputs: array<vec4f>;
+        @group(0) @binding(1) var<storage, read_write> result: array<vec4f>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) at: vec3u) {{
+            if (at.x >= arrayLength(&result)) {{ return; }}
+            {fetches}
+            result[at.x] = {expression};
+        }}"""
+    text = page.evaluate(RUN_WGSL, [source, base64.b64encode(packed.tobytes()).decode(), n, len(inputs)])
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(n, 4).astype(float)
 
 
 ORIGIN = "http://dsbrdf.test"

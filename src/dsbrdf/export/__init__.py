@@ -66,7 +66,19 @@ FORMATS = {
     "merl": Format(
         "merl.binary", "BRDF viewers and research code: a MERL table, 35 MB", "merl:write_merl_table"
     ),
-    "glsl": Format("glsl", "OpenGL, WebGL, Vulkan: the model as code", "code:write_glsl"),
+    "glsl": Format(
+        "glsl", "OpenGL, WebGL, Vulkan, Shadertoy: the model as code", "code:write_code", {"language": "glsl"}
+    ),
+    "wgsl": Format("wgsl", "WebGPU: the model as code", "code:write_code", {"language": "wgsl"}),
+    "hlsl": Format(
+        "hlsl", "Direct3D, Unity, Unreal: the model as code", "code:write_code", {"language": "hlsl"}
+    ),
+    "slang": Format(
+        "slang",
+        "Slang, Falcor, with derivatives: the model as code",
+        "code:write_code",
+        {"language": "slang"},
+    ),
     "brdf": Format("brdf", "Disney BRDF Explorer: the model as code", "brdf_explorer:write_brdf_explorer"),
     "gltf": Format(
         "gltf",

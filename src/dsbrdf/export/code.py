@@ -1,4 +1,4 @@
-"""Write a model as source code with its numbers in it."""
+"""Write a model as source code with its numbers in it, to be put into any shader."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dsbrdf.export import text
 from dsbrdf.export.colour import lobes_in_colour
 from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["write_glsl"]
+__all__ = ["write_code"]
 
 
-def write_glsl(model: DSBRDF, path: str | Path) -> None:
-    """Write `dsbrdf_eval`, `dsbrdf_pdf` and `dsbrdf_sample` of one model as GLSL; see `dsbrdf.shader.baked`.
+def write_code(model: DSBRDF, path: str | Path, *, language: str) -> None:
+    """Write `dsbrdf_eval`, `dsbrdf_pdf` and `dsbrdf_sample` of one model; see `dsbrdf.shader.baked`.
 
     Raises
     ------
@@ -22,7 +22,7 @@ def write_glsl(model: DSBRDF, path: str | Path) -> None:
     OSError
         If the file cannot be written.
     """
-    title = f"// {text.comment(model.name)}\n" if model.name.strip() else ""
-    source = title + shader.baked(lobes_in_colour(model))
+    title = text.comment(model.name) or "material"
+    source = f"// {title}, written by dsbrdf\n{shader.baked(lobes_in_colour(model), language)}"
     with _files.aside(path) as part:
         part.write_text(source, encoding="utf-8")

@@ -1,7 +1,8 @@
-"""The model as a shader: one GLSL source, whose numbers come from a texture (the page) or are baked in (exports).
+"""The model as a shader: one source, whose numbers come from a texture (the page) or are baked in (exports).
 
-`dsbrdf.glsl` holds eval, pdf and sample, named as in Python. It reads all numbers through `dsbrdf_texel`, so that the
-web page and an exported file run the same text; `texels` makes them, `texture.glsl` says what they are.
+`dsbrdf.glsl` holds eval, pdf and sample, named as in Python; `languages` turns it into WGSL, HLSL and Slang. It reads
+all numbers through `dsbrdf_texel`, so that the web page and an exported file run the same text; `texels` makes them,
+`texture.glsl` says what they are.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from dsbrdf._check import require_rgb
 from dsbrdf.geometry import half_diff
 from dsbrdf.model import sampling
 from dsbrdf.model.lobes import SHARED, Lobes
+from dsbrdf.shader.languages import LANGUAGES, texel_block, translate
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["baked", "sources", "texels"]
+__all__ = ["LANGUAGES", "baked", "sources", "texels"]
 
 #: Sources the page needs beside the constants.
 PAGE_SOURCES = ("dsbrdf", "texture", "sphere", "show", "evaluate")
@@ -52,27 +54,32 @@ def texels(lobes: Lobes) -> NDArray[np.float64]:
     return np.concatenate([header, curves.reshape(-1, 4), shares.reshape(-1, 4)])
 
 
-def baked(model: DSBRDF) -> str:
-    """GLSL of one model, its numbers as a constant array.
+def baked(model: DSBRDF, language: str = "glsl") -> str:
+    """Source code of one model, its numbers as one constant array.
 
     Parameters
     ----------
     model : DSBRDF
         Of three channels.
+    language : {"glsl", "wgsl", "hlsl", "slang"}, optional
 
     Returns
     -------
     str
-        `dsbrdf_eval`, `dsbrdf_pdf` and `dsbrdf_sample`, told at their top. Without `#version`; GLSL 1.30, 4.10,
-        ES 3.00 and what lies between take it.
+        `dsbrdf_eval`, `dsbrdf_pdf` and `dsbrdf_sample`, explained at their top. GLSL is without `#version`; 1.30, 4.10,
+        ES 3.00 and what lies between take it. HLSL needs shader model 4; Slang differentiates it.
 
     Raises
     ------
     ValueError
-        If the model has another number of channels.
+        If the model has another number of channels, or there is no such language.
     """
+    if language not in LANGUAGES:
+        raise ValueError(f"'language' must be one of {', '.join(LANGUAGES)}, got {language!r}.")
     require_rgb(model.n_channels, "a shader")
-    return f"{_constants()}\n{_numbers(texels(model.lobes))}\n{_read('dsbrdf')}"
+    rows = [", ".join(f"{value:.7g}" for value in texel) for texel in texels(model.lobes)]
+    constants, code = (translate(text, language) for text in (_constants(), _read("dsbrdf")))
+    return f"{constants}\n{texel_block(rows, language)}\n{code}"
 
 
 def _read(name: str) -> str:
@@ -82,22 +89,6 @@ def _read(name: str) -> str:
 def _constants() -> str:
     """Constants that belong to other modules."""
     return (
-        f"const float DSBRDF_AZIMUTHAL_WIDTH = {_number(half_diff.AZIMUTHAL_WIDTH)};\n"
+        f"const float DSBRDF_AZIMUTHAL_WIDTH = {half_diff.AZIMUTHAL_WIDTH:#.9g};\n"
         f"const int DSBRDF_N_ROWS = {sampling.N_ROWS};\n"
     )
-
-
-def _numbers(packed: NDArray[np.float64]) -> str:
-    """Texels as an array, and the function that reads them, as `texture.glsl` has it."""
-    n = len(packed)
-    entries = [f"vec4({', '.join(map(_number, texel))})" for texel in packed]
-    return (
-        f"const vec4 DSBRDF_TEXELS[{n}] = vec4[{n}](\n    " + ",\n    ".join(entries) + ");\n"
-        "vec4 dsbrdf_texel(int i) { return DSBRDF_TEXELS[i]; }\n"
-    )
-
-
-def _number(value: float) -> str:
-    """Nine digits tell any two numbers of single precision apart; a float of GLSL has a point or an exponent."""
-    text = f"{value:.9g}"
-    return text if "." in text or "e" in text else f"{text}.0"
