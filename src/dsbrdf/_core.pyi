@@ -56,6 +56,9 @@ class Observations:
 def collapse(
     bytes: NDArray[np.uint8], shape: list[int], scale: _Floats, cos_2phi: _Floats, theta_d: list[int]
 ) -> _Floats: ...
+def plain_numbers(
+    block: bytes, delimiter: int | None, n_columns: int, used: list[int], comma: bool
+) -> _Floats | None: ...
 def decreasing(y: _Floats, weight: _Floats) -> _Floats: ...
 def fit(
     moments: _Floats,

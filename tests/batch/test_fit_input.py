@@ -78,7 +78,7 @@ def test_fit_with_a_prior(small_table, tmp_path, capsys):
     assert bright.startswith("dsbrdf: warning: reflects more light than it receives: scan (")
     assert ", small (" in bright
     for file in ("table.npz", "scan.csv"):
-        measured = dsbrdf.read(folder / file)
+        measured = dsbrdf.read(folder / file, scale=1.0)
         model = dsbrdf.load(out / f"{measured.name}.json")
         with pytest.warns(PriorWarning, match="like it: the fit misses the data by a factor of"):
             expected = dsbrdf.fit(measured, prior=space).model

@@ -15,3 +15,4 @@ pub mod paper;
 pub mod picture;
 pub mod profile;
 pub mod shape;
+pub mod text;

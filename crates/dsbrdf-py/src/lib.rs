@@ -7,6 +7,7 @@ mod paper;
 mod picture;
 mod pool;
 mod profiles;
+mod text;
 
 use pyo3::prelude::*;
 
@@ -22,4 +23,6 @@ mod _core {
     use crate::picture::picture_weights;
     #[pymodule_export]
     use crate::profiles::{collapse, decreasing};
+    #[pymodule_export]
+    use crate::text::plain_numbers;
 }

@@ -7,10 +7,13 @@ standard has it, and the functions are cubic: on smooth spectra the colour is th
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["LUMINANCE", "srgb_weights"]
+__all__ = ["LUMINANCE", "rgb_weights", "srgb_weights", "wavelength"]
 
 #: Wavelength in nm, D65, and the colour matching functions x, y and z.
 TABLE = """
@@ -62,15 +65,73 @@ XYZ_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 #: A spectrum must cover at least these, in nm: beyond, 1 % of the light is seen.
 VISIBLE = (410.0, 680.0)
+#: Three lines of an instrument must span at least these, in nm, to be held constant beyond.
+LINES = (490.0, 600.0)
+_WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*(?:nm)?")
 
 
-def srgb_weights(wavelengths: ArrayLike) -> NDArray[np.float64]:
+def wavelength(name: str) -> float | None:
+    """Wavelength in nm that a channel is named after, as in 450nm or 450; None if it is not."""
+    match = _WAVELENGTH.fullmatch(name.strip())
+    return float(match[1]) if match is not None and float(match[1]) >= 100.0 else None
+
+
+def rgb_weights(channels: Sequence[str]) -> NDArray[np.float64]:
+    """Weights (3, channel) that take values of named channels to linear sRGB: wherever a colour is needed.
+
+    Parameters
+    ----------
+    channels : sequence of str
+        r, g and b in any order; X, Y and Z of the CIE 1931 observer under D65; wavelengths, as in 450nm, in any
+        order; a
+        single channel of any name, which is grey.
+
+    Returns
+    -------
+    (3, channel) ndarray
+        Of wavelengths as `srgb_weights`; those of a few lines that span `LINES` are held constant beyond.
+
+    Raises
+    ------
+    ValueError
+        If the channels tell no colour.
+
+    Examples
+    --------
+    >>> rgb_weights(["b", "g", "r"]) @ [0.8, 0.5, 0.2]
+    array([0.2, 0.5, 0.8])
+    >>> (rgb_weights(["450nm", "550nm", "650nm"]) @ [0.3, 0.3, 0.3]).round(6)
+    array([0.3, 0.3, 0.3])
+    """
+    names = list(channels)
+    if len(names) == 1:
+        return np.ones((3, 1))
+    if sorted(names) == ["b", "g", "r"]:
+        return np.stack([np.eye(3)[names.index(name)] for name in "rgb"])
+    if sorted(names) == ["X", "Y", "Z"]:
+        return XYZ_TO_RGB[:, ["XYZ".index(name) for name in names]]
+    nm = np.array([wavelength(name) or np.nan for name in names])
+    if np.isnan(nm).any() or len(np.unique(nm)) != len(nm):
+        raise ValueError(
+            f"the channels {', '.join(names):.100} tell no colour: expected r, g, b; X, Y, Z; wavelengths such "
+            f"as 450nm; or a "
+            "single channel."
+        )
+    order = np.argsort(nm)
+    weights = np.empty((3, len(nm)))
+    weights[:, order] = srgb_weights(nm[order], span=LINES)
+    return weights
+
+
+def srgb_weights(wavelengths: ArrayLike, *, span: tuple[float, float] = VISIBLE) -> NDArray[np.float64]:
     """Weights (channel, wavelength) that take reflectances at some wavelengths to linear sRGB.
 
     Parameters
     ----------
     wavelengths : (wavelength,) array_like, nm
         Ascending. The spectrum is linear between them, and constant beyond.
+    span : (float, float), optional
+        Wavelengths in nm that they must span.
 
     Returns
     -------
@@ -80,16 +141,16 @@ def srgb_weights(wavelengths: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If the wavelengths are not ascending, or do not cover `VISIBLE`.
+        If the wavelengths are not ascending, or do not cover `span`.
     """
     from scipy.interpolate import CubicSpline
 
     wavelengths = np.asarray(wavelengths, dtype=np.float64)
     if wavelengths.ndim != 1 or wavelengths.size < 2 or (np.diff(wavelengths) <= 0.0).any():
         raise ValueError(f"wavelengths must be ascending, got {np.array2string(wavelengths, threshold=8)}.")
-    if wavelengths[0] > VISIBLE[0] or wavelengths[-1] < VISIBLE[1]:
+    if wavelengths[0] > span[0] or wavelengths[-1] < span[1]:
         raise ValueError(
-            f"wavelengths must cover {VISIBLE[0]:g} to {VISIBLE[1]:g} nm to make a colour, got "
+            f"wavelengths must cover {span[0]:g} to {span[1]:g} nm to make a colour, got "
             f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm. Fit the wavelengths as channels instead."
         )
     nm, d65, *matching = np.array(TABLE.split(), dtype=np.float64).reshape(-1, 5).T

@@ -207,6 +207,8 @@ def _of(text: str, unit: str) -> Meaning:
     ):
         if key in words:
             return Meaning(kind, text.strip(), unit)
+    if re.fullmatch(r"unnamed:\d+", key):
+        return Meaning("index", text.strip(), unit)
     if key in _OTHER:
         return Meaning("other", text.strip(), unit)
     return Meaning("unknown", text.strip(), unit)

@@ -14,7 +14,7 @@ Array: TypeAlias = NDArray[np.float64]
 __all__ = ["doubts"]
 
 #: Fewer samples say nothing, and of more than these every few are looked at.
-LEAST, MOST = 6, 20_000
+LEAST, MOST = 6, 5_000
 #: Of the brightest samples, and how much brighter than the median they must be to be a peak.
 BRIGHT, PEAK = 0.05, 2.0
 #: Albedo far from the mirror direction above which values can hardly be in 1/sr.

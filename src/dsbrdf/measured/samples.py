@@ -255,8 +255,9 @@ class _Columns:
                 self._once(self.values, means.key, label, "value")
                 self.values[means.key] = array
             case "index" if self._counts(array, label):
-                what = f"column {label!r}" if label.strip() else "a column without a name"
-                self.remarks.append(f"{what} counts the lines, and is left out")
+                if np.isfinite(array).any():
+                    what = f"column {label!r}" if label.strip() else "a column without a name"
+                    self.remarks.append(f"{what} counts the lines, and is left out")
             case _:
                 self._refuse(label, means)
 
@@ -272,7 +273,7 @@ class _Columns:
     def _counts(self, array: Array, label: str) -> bool:
         """Whether a column that may be an index is one, or holds nothing."""
         if np.isnan(array).all():
-            return not label.strip()
+            return not label.strip() or label.startswith("Unnamed:")
         steps = np.diff(array)
         return bool(len(array) > 1 and array[0] in (0.0, 1.0) and (steps == 1.0).all())
 

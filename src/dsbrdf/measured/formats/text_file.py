@@ -23,7 +23,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files
+from dsbrdf import _core, _files
 from dsbrdf.measured.names import meaning, unit_of
 from dsbrdf.measured.options import ReadOptions
 from dsbrdf.measured.samples import SKIPPED, ReadWarning, Samples, samples_from_columns
@@ -36,9 +36,9 @@ __all__ = ["encoding", "has_numbers", "is_text", "open_lines", "read_text"]
 MAX_LINE = 100_000
 #: Lines in which the table must begin, and lines between a header and its first numbers.
 HEAD, GAP = 2000, 20
-#: Lines that are turned into numbers at a time.
-BLOCK_LINES = 8192
+#: Bytes that are read at a time.
 _BLOCK = 1 << 20
+_END = re.compile(rb"\r\n|\n|\r")
 _MARKS = ("#", "%", "!", ";", "//", "*")
 _DELIMITERS = ("\t", ";", ",", "|", None)
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eEdDqQ][-+]?\d+|[-+]\d{2,3})?")
@@ -133,9 +133,9 @@ def encoding(path: Path) -> str:
     return name
 
 
-def open_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines of a text file in any encoding and with any line ends, and their numbers from 1."""
-    with path.open(encoding=encoding(path), errors="replace", newline=None) as file:
+def open_lines(path: Path, name: str) -> Iterator[tuple[int, str]]:
+    """Lines of a text file in some encoding and with any line ends, and their numbers from 1."""
+    with path.open(encoding=name, errors="replace", newline=None) as file:
         yield from enumerate((line.rstrip("\n") for line in file), start=1)
 
 
@@ -144,7 +144,7 @@ def has_numbers(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(4096)
     try:
-        lines = list(itertools.islice(open_lines(path), HEAD)) if is_text(head) else []
+        lines = list(itertools.islice(open_lines(path, encoding(path)), HEAD)) if is_text(head) else []
     except ValueError:
         return False
     rows = (
@@ -189,12 +189,14 @@ def read_text(path: str | Path, options: ReadOptions | None = None) -> Samples:
         As `samples_from_columns`.
     """
     path, options = Path(path), options or ReadOptions()
-    lines = open_lines(path)
+    name = encoding(path)
     try:
-        table = _find(list(itertools.islice(lines, HEAD)), options, path)
-        numbers, numbered = _numbers(itertools.chain(table.rest, lines), table, path)
+        table = _find(list(itertools.islice(open_lines(path, name), HEAD)), options, path)
+        numbers, numbered = _numbers(path, name, table)
     except csv.Error as error:
         raise ValueError(f"{path}: not a table of samples: {error}.") from None
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     used = [table.names[i] for i in table.used]
     if _VARS.match(table.header) and not any(meaning(name).unit for name in used):
         numbers, used = _astm(numbers, used, table)
@@ -245,7 +247,13 @@ class _Table:
 
     @property
     def n(self) -> int:
+        """Number of columns."""
         return len(self.names)
+
+    @property
+    def first(self) -> int:
+        """Number of the first line of numbers."""
+        return self.rest[0][0]
 
 
 # Lines to the place of the table
@@ -261,7 +269,7 @@ def _find(head: list[tuple[int, str]], options: ReadOptions, path: Path) -> _Tab
     best: tuple[int, list[str]] | None = None
     found: _Table | None = None
     for at, (number, line) in enumerate(head):
-        if found is not None and number >= found.rest[0][0]:
+        if found is not None and number >= found.first:
             break
         for names in _headers(line, forced):
             table = _under(names, line, head[at + 1 :], forced, options)
@@ -443,7 +451,7 @@ def _why_not(
             if best is not None:
                 where = f"in line {number}: {_shown(line)}"
                 if len(cells) != len(best[1]):
-                    return f"{len(best[1])} names of columns, but {len(cells)} columns {where}. Name the "
+                    return f"{len(best[1])} names of columns, but {len(cells)} columns {where}.{_hints(head)} Name the "
                     f"columns with {_EXAMPLE}."
                 bad = next((c for c in cells if not _is_number(c)), "")
                 return f"not a table of numbers: {bad!r:.40} {where}. Leave the line out, or the column with "
@@ -489,6 +497,8 @@ def _shown(line: str) -> str:
 
 def _has_decimal_comma(table: _Table) -> bool:
     for _, line in table.rest:
+        if "," not in line or (table.delimiter == "," and '"' not in line):
+            continue
         cells = _cells(_bare(line.strip().translate(_SIGNS)), table.delimiter)
         if len(cells) == table.n and any("," in cells[i] and _is_number(cells[i]) for i in table.used):
             return True
@@ -524,6 +534,8 @@ def _is_number(cell: str) -> bool:
 
 def _number(cell: str, comma: bool) -> float | None:
     """The number of a cell, NaN if it is missing, None if it is neither."""
+    if comma and "." in cell and _NUMBER.fullmatch(cell):
+        return None
     try:
         if "_" not in cell and cell.isascii():
             return float(cell)
@@ -541,51 +553,51 @@ def _number(cell: str, comma: bool) -> float | None:
     return float(re.sub(r"(?<=[\d.])([-+]\d{2,3})$", r"e\1", text))
 
 
-def _numbers(lines: Iterable[tuple[int, str]], table: _Table, path: Path) -> tuple[Array, NDArray[np.int64]]:
-    """Numbers (line, column) of the table and the numbers of their lines."""
-    blocks: list[Array] = []
+def _numbers(path: Path, name: str, table: _Table) -> tuple[Array, NDArray[np.int64]]:
+    """Numbers (line, column) of the table in a file of some encoding, and the numbers of their lines."""
+    parts: list[Array] = []
     numbered: list[NDArray[np.int64]] = []
     careful = _Careful(table, path)
-    source = iter(lines)
-    while block := list(itertools.islice(source, BLOCK_LINES)):
-        plain = None if careful.waiting else _plain(block, table)
+    mark = None if table.delimiter is None else ord(table.delimiter)
+    for first, block in _blocks(path, name, table.first):
+        plain = None
+        if not careful.waiting and (mark is None or mark < 128):
+            plain = _core.plain_numbers(block, mark, table.n, table.used, table.comma)
         if plain is not None:
-            blocks.append(plain)
-            numbered.append(np.arange(block[0][0], block[-1][0] + 1))
+            at = np.arange(first, first + len(plain))
         else:
-            rows, at = careful.rows(block)
-            if rows:
-                blocks.append(np.array(rows))
-                numbered.append(np.array(at, dtype=np.int64))
+            text = block.decode("cp1252" if name == "cp1252" else "utf-8", errors="replace")
+            rows, lines = careful.rows(enumerate(re.split(r"\r\n|\n|\r", text), start=first))
+            plain = np.array(rows, dtype=float).reshape(len(rows), len(table.used))
+            at = np.array(lines, dtype=np.int64)
+        parts.append(plain)
+        numbered.append(at)
     careful.end()
-    return np.concatenate(blocks), np.concatenate(numbered)
+    return np.concatenate(parts), np.concatenate(numbered)
 
 
-def _plain(block: list[tuple[int, str]], table: _Table) -> Array | None:
-    """Numbers of lines that are nothing but numbers; None if there is anything else."""
-    lines = [line for _, line in block]
-    if table.delimiter is None:
-        rows = [line.split() for line in lines]
-        if any(len(row) != table.n for row in rows):
-            return None
-        cells = list(itertools.chain.from_iterable(rows))
-    else:
-        mark = table.delimiter
-        if any(line.count(mark) != table.n - 1 for line in lines):
-            return None
-        cells = mark.join(lines).split(mark)
-    text = "".join(cells) if table.comma else ""
-    if table.comma:
-        if "." in text:
-            return None
-        cells = [cell.replace(",", ".") for cell in cells]
-    try:
-        numbers = np.array(list(map(float, cells)), dtype=float).reshape(len(lines), table.n)
-    except ValueError:
-        return None
-    if any("_" in line for line in lines):
-        return None
-    return numbers[:, table.used]
+def _blocks(path: Path, name: str, first: int) -> Iterator[tuple[int, bytes]]:
+    """Blocks of whole lines from the `first` on, not in UTF-16, and the numbers of their first lines."""
+    decoder = codecs.getincrementaldecoder(name)(errors="replace") if name.startswith("utf-16") else None
+    number, pending = 1, b""
+    with path.open("rb") as file:
+        while raw := file.read(_BLOCK):
+            data = pending + (raw if decoder is None else decoder.decode(raw).encode())
+            # A carriage return at the end may have its line feed in the next block
+            cut = data.rfind(b"\n") + 1 or data.rfind(b"\r", 0, -1) + 1
+            block, pending = data[:cut], data[cut:]
+            while number < first and (end := _END.search(block)) is not None:
+                block, number = block[end.end() :], number + 1
+            if block:
+                yield number, block
+                number += _count(block)
+    if pending and number >= first:
+        yield number, pending
+
+
+def _count(block: bytes) -> int:
+    n_returns = block.count(b"\r")
+    return block.count(b"\n") + (n_returns - block.count(b"\r\n") if n_returns else 0)
 
 
 class _Careful:
@@ -597,7 +609,7 @@ class _Careful:
         #: Lines of text since the last numbers.
         self.waiting: list[tuple[int, str]] = []
 
-    def rows(self, block: list[tuple[int, str]]) -> tuple[list[list[float]], list[int]]:
+    def rows(self, block: Iterable[tuple[int, str]]) -> tuple[list[list[float]], list[int]]:
         """Numbers of some lines, and the numbers of these lines."""
         rows, numbered = [], []
         for number, line in block:
