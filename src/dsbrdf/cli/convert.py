@@ -27,6 +27,7 @@ class Kind(StrEnum):
     npz = "npz"
     csv = "csv"
     tsv = "tsv"
+    bird = "bird"
 
 
 @app.command()

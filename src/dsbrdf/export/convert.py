@@ -30,7 +30,7 @@ from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 __all__ = ["KINDS", "Conversion", "convert", "write_csv"]
 
 #: Kinds of files that can be written, and their suffixes.
-KINDS = {"merl": ".binary", "rgl": ".bsdf", "npz": ".npz", "csv": ".csv", "tsv": ".tsv"}
+KINDS = {"merl": ".binary", "rgl": ".bsdf", "npz": ".npz", "csv": ".csv", "tsv": ".tsv", "bird": ".brdf"}
 #: Names of channels that can be part of a header.
 COLUMN = re.compile(r"\w[\w.]*")
 #: Of a table.
@@ -75,8 +75,8 @@ def convert(source: str | Path, target: str | Path, kind: str | None = None, **r
         A file that `dsbrdf.read` reads, a model file, or the name of a built-in material.
     target : str or Path
         Written aside and renamed.
-    kind : {"merl", "rgl", "npz", "csv", "tsv"}, optional
-        Told by the suffix of `target` by default: .binary, .bsdf, .npz, .csv or .tsv.
+    kind : {"merl", "rgl", "npz", "csv", "tsv", "bird"}, optional
+        Told by the suffix of `target` by default: .binary, .bsdf, .npz, .csv, .tsv or .brdf.
     **reading
         Of `dsbrdf.read`, such as `columns`.
 
@@ -167,12 +167,21 @@ def _write_tsv(content: Content, path: Path) -> None:
     write_csv(_tabulated(content) if isinstance(content, DSBRDF) else content, path, "\t")
 
 
+def _write_bird(content: Content, path: Path) -> None:
+    from dsbrdf.measured.formats.bird import write_bird
+
+    if not isinstance(content, Samples):
+        raise ValueError(f"{path}: BiRD JSON holds scattered samples; use .npz or .csv for a table.")
+    write_bird(content, path)
+
+
 _WRITERS: dict[str, Callable[[Content, Path], None]] = {
     "merl": _write_merl,
     "rgl": _write_rgl,
     "npz": _write_npz,
     "csv": _write_csv,
     "tsv": _write_tsv,
+    "bird": _write_bird,
 }
 
 

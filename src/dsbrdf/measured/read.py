@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dsbrdf import _files
-from dsbrdf.measured.formats import merl
+from dsbrdf.measured.formats import alta, bird, ddr, merl, pbrt, ssdd, utia, zemax
 from dsbrdf.measured.formats.text_file import is_text
 from dsbrdf.measured.options import ReadOptions
 from dsbrdf.measured.samples import Samples
@@ -21,9 +21,9 @@ __all__ = ["FORMATS", "Format", "format_of", "read", "read_samples"]
 
 _HEAD = 4096
 _KNOWN = (
-    "a MERL .binary, RGL .bsdf, NumPy .npz or .npy, neural BRDF .h5, EXR or PNG file, BiRD JSON, or text with a "
-    "header and "
-    "columns"
+    "a MERL .binary, RGL .bsdf, NumPy .npz or .npy, neural BRDF .h5, EXR or PNG file, a format of metrology "
+    "such as BiRD "
+    "JSON, or text with a header and columns"
 )
 
 
@@ -80,6 +80,14 @@ FORMATS = (
     Format("NumPy array (.npy)", _starts(b"\x93NUMPY"), "array_file:read_npy", "table"),
     Format("HDF5 file", _starts(b"\x89HDF\r\n"), "hdf5_file:read_hdf5", "either"),
     Format("image", _starts(b"\x89PNG", b"\x76\x2f\x31\x01"), "image_file:read_image", "table"),
+    Format("MATLAB file", _starts(b"MATLAB 5.0 MAT-file"), "matlab_file:read_matlab", "either"),
+    Format("BiRD JSON file", lambda head, _: bird.is_bird(head), "bird:read_bird", "samples"),
+    Format("ALTA data file", lambda head, _: alta.is_alta(head), "alta:read_alta", "samples"),
+    Format("SSDD file", lambda head, _: ssdd.is_ssdd(head), "ssdd:read_ssdd", "samples"),
+    Format("Zemax BSDF file", lambda head, _: zemax.is_zemax(head), "zemax:read_zemax", "samples"),
+    Format("Integra DDR file", lambda head, _: ddr.is_ddr(head), "ddr:read_ddr", "samples"),
+    Format("UTIA file", lambda head, path: utia.is_utia(head, path.stat().st_size), "utia:read_utia", "samples"),
+    Format("pbrt-v2 measured BRDF", lambda head, _: pbrt.is_pbrt(head), "pbrt:read_pbrt", "samples"),
     Format("text", lambda head, _: is_text(head), "text_file:read_text", "samples"),
 )  # fmt: skip
 #: What else files may be, by how they begin, and what to do about it.
@@ -155,6 +163,8 @@ def read(
     if path.is_dir():
         return _scaled(_read_folder(path, convention), options, path)
     found = format_of(path)
+    if options.columns is not None and found.name == "pbrt-v2 measured BRDF":
+        found = FORMATS[-1]
     if options.columns is not None and found.name != "text":
         raise ValueError(
             f"{path}: names of columns are for text; this is a {found.name}, which names its arrays itself."
@@ -276,8 +286,8 @@ def _stranger(head: bytes, path: Path) -> str:
             return what
     if head.lstrip()[:1] in (b"{", b"["):
         return "JSON, not a measurement. A model file is read by dsbrdf.load"
-    if head.startswith(b"MATLAB 5.0 MAT-file"):
-        return "a MATLAB file: save its columns with writetable, as CSV"
     if head.lstrip()[:5] == b"<?xml":
+        if b"WindowElement" in head or b"LayerSize" in head:
+            return "a BSDF of WINDOW or Radiance (XML), which is not read. Sample it with Radiance's bsdfquery, as text"
         return "an XML file of no known kind"
     return ""

@@ -19,7 +19,7 @@ from dsbrdf.measured.plausible import doubts
 from dsbrdf.measured.source import Source
 
 Array: TypeAlias = NDArray[np.float64]
-__all__ = ["SKIPPED", "ReadWarning", "Samples", "samples_from_columns"]
+__all__ = ["SKIPPED", "ReadWarning", "Samples", "samples_from_columns", "std_of_weights"]
 
 #: Name of a column to leave out.
 SKIPPED = "-"
@@ -180,6 +180,16 @@ def samples_from_columns(
     for text in (*table.left_out, *doubtful):
         warnings.warn(f"{name}: {text}", ReadWarning, stacklevel=2)
     return samples
+
+
+def std_of_weights(samples: Samples) -> Array:
+    """Standard deviations (n,) in 1/sr that the weights of samples come of."""
+    values = np.where(np.isfinite(samples.values), np.abs(samples.values), 0.0)
+    bright = values.sum(1) / np.maximum(np.isfinite(samples.values).sum(1), 1)
+    weights = np.ones(len(samples)) if samples.weights is None else samples.weights
+    share = LEAST_ERROR * np.sqrt(np.maximum(1.0 / np.clip(weights, 1e-12, 1.0) - 1.0, 1e-12))
+    std: Array = np.maximum(share * bright, np.finfo(float).tiny)
+    return std
 
 
 class _Columns:

@@ -59,8 +59,7 @@ _UNITS = {"", "deg", "degree", "degrees", "rad", "radian", "radians", "1/sr", "s
           "um", "%", "percent", "1", "sr⁻¹", "a.u.", "au"}  # fmt: skip
 #: The line of ASTM E1392 and E2387 that names the columns; their angles are radians.
 _VARS = re.compile(r"^(VARS)\s+(?=\S)", re.IGNORECASE)
-_EXAMPLE = "columns=['theta_i_deg', 'theta_o_deg', 'phi_o_deg', 'value'] (--columns "
-"theta_i_deg,theta_o_deg,phi_o_deg,value)"
+_EXAMPLE = "columns=['theta_i_deg', 'theta_o_deg', 'phi_o_deg', 'value'] (--columns theta_i_deg,theta_o_deg,phi_o_deg,value)"
 
 
 # Bytes to text
@@ -451,11 +450,11 @@ def _why_not(
             if best is not None:
                 where = f"in line {number}: {_shown(line)}"
                 if len(cells) != len(best[1]):
-                    return f"{len(best[1])} names of columns, but {len(cells)} columns {where}.{_hints(head)} Name the "
-                    f"columns with {_EXAMPLE}."
+                    counts = f"{len(best[1])} names of columns, but {len(cells)} columns"
+                    return f"{counts} {where}.{_hints(head)} Name the columns with {_EXAMPLE}."
                 bad = next((c for c in cells if not _is_number(c)), "")
-                return f"not a table of numbers: {bad!r:.40} {where}. Leave the line out, or the column with "
-                "ignore (--ignore)."
+                remedy = "Leave the line out, or the column with ignore=[...] (--ignore)."
+                return f"not a table of numbers: {bad!r:.40} {where}. {remedy}"
             previous = next((x.strip() for n, x in reversed(head) if n < number and x.strip()), "")
             other = (
                 f"; line above the numbers: {_shown(previous)}"
