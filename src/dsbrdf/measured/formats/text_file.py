@@ -59,7 +59,10 @@ _UNITS = {"", "deg", "degree", "degrees", "rad", "radian", "radians", "1/sr", "s
           "um", "%", "percent", "1", "sr⁻¹", "a.u.", "au"}  # fmt: skip
 #: The line of ASTM E1392 and E2387 that names the columns; their angles are radians.
 _VARS = re.compile(r"^(VARS)\s+(?=\S)", re.IGNORECASE)
-_EXAMPLE = "columns=['theta_i_deg', 'theta_o_deg', 'phi_o_deg', 'value'] (--columns theta_i_deg,theta_o_deg,phi_o_deg,value)"
+_EXAMPLE = (
+    "columns=['theta_i_deg', 'theta_o_deg', 'phi_o_deg', 'value'] "
+    "(--columns theta_i_deg,theta_o_deg,phi_o_deg,value)"
+)
 
 
 # Bytes to text
