@@ -17,6 +17,8 @@ from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.options import AUTO, FitOptions
 from dsbrdf.model.lobes import Lobes, curve_design
 from dsbrdf.space import Gaussian
+from dsbrdf.space import process as processes
+from dsbrdf.space.process import Expectation
 
 __all__ = ["Estimate", "estimate", "lobes_of", "unknowns_of"]
 
@@ -36,6 +38,8 @@ LAST_TOLERANCE = 1e-2
 PENALTY = (0.25, 0.25, 0.1)
 #: Height of a lobe that is not there, `ln kappa`.
 ABSENT = -30.0
+#: What a space expects counts as so many observations.
+SUPPORT = 100.0
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
 
@@ -68,7 +72,7 @@ class Estimate:
     converged : bool
     options : object
         Of the kernel.
-    prior : Gaussian or None
+    prior : Gaussian, Expectation or None
     """
 
     lobes: Lobes
@@ -78,7 +82,7 @@ class Estimate:
     iterations: int
     converged: bool
     options: _Options
-    prior: Gaussian | None = None
+    prior: Gaussian | Expectation | None = None
 
 
 def unknowns_of(lobes: Lobes) -> Array:
@@ -115,16 +119,20 @@ def _as_size(coefficients: Array, size: int) -> Array:
     return np.asarray(np.linalg.lstsq(curve_design(x, size), values)[0].T, dtype=np.float64)
 
 
-def estimate(observations: Observations, options: FitOptions, prior: Gaussian | None = None) -> Estimate:
+def estimate(
+    observations: Observations, options: FitOptions, prior: Gaussian | Expectation | None = None
+) -> Estimate:
     """Find lobes.
 
     Parameters
     ----------
     observations : Observations
     options : FitOptions
-    prior : Gaussian, optional
+    prior : Gaussian or Expectation, optional
         Of as many channels; it decides on the lobes and their curves.
     """
+    if isinstance(prior, Expectation):
+        return _as_expected(observations, options, prior)
     if prior is not None:
         return _with_prior(observations, options, prior)
     most = MAX_CHOSEN if options.n_lobes == AUTO else int(options.n_lobes)
@@ -232,4 +240,51 @@ def _with_prior(observations: Observations, options: FitOptions, prior: Gaussian
     lobes = lobes_of(end["x"], how.sizes, prior.n_lobes, observations.n_channels)
     return Estimate(
         lobes, end["objective"], end["squares"], np.empty(0), end["iterations"], end["converged"], how, prior
+    )
+
+
+def with_support(observations: Observations, expected: Expectation) -> Observations:
+    """Observations, and what is expected at the directions that stand for all.
+
+    What is expected counts as `SUPPORT` observations, and each of them the less, the less certain it is.
+    """
+    positions, area = processes.support()
+    at = expected.process.at_support
+    n_nodes = observations.azimuth.shape[1]
+    values = processes.unscaled(expected.mean(at))
+    certain = SUPPORT * area[:, None] * (expected.noise / expected.deviation(at)) ** 2 / n_nodes
+    weights = observations.n_effective * observations.weights / observations.weights.sum()
+    return Observations(
+        np.concatenate([observations.log_cos, positions.log_cos]),
+        np.concatenate([observations.x, positions.x]),
+        np.concatenate([observations.azimuth, np.repeat(positions.azimuth[:, None], n_nodes, axis=1)]),
+        np.concatenate([observations.values, np.repeat(values[:, None], n_nodes, axis=1)]),
+        np.concatenate([weights, np.repeat(certain[:, None], n_nodes, axis=1)]),
+        observations.n_effective + SUPPORT,
+    )
+
+
+def _as_expected(observations: Observations, options: FitOptions, expected: Expectation) -> Estimate:
+    """The lobes nearest to the observations and to what is expected of the material."""
+    process, n_channels = expected.process, observations.n_channels
+    joined = with_support(observations, expected)
+    offset = [processes.OFFSET] * n_channels
+    how = _Options(tuple(process.sizes), options.loss, offset, PENALTY, joined.n_effective)
+    end = joined.kernel.refine(
+        how,
+        process.n_lobes,
+        expected.unknowns.tolist(),
+        iterations=options.max_iterations,
+        tolerance=TOLERANCE,
+    )
+    lobes = lobes_of(end["x"], how.sizes, process.n_lobes, n_channels)
+    return Estimate(
+        lobes,
+        end["objective"],
+        end["squares"],
+        np.empty(0),
+        end["iterations"],
+        end["converged"],
+        how,
+        expected,
     )

@@ -23,6 +23,7 @@ from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 
 if TYPE_CHECKING:
     from dsbrdf.space import Gaussian, MaterialSpace
+    from dsbrdf.space.process import Expectation
 
 __all__ = ["ConvergenceWarning", "Fit", "PriorWarning", "fit"]
 
@@ -36,7 +37,7 @@ ERROR_ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 
 #: Name of the built-in library as a prior.
 LIBRARY = "library"
-#: RMS of the residuals of logarithms above which a material is none of those that a prior knows.
+#: RMS of what a prior leaves of logarithms, above which a material is none of those that it knows.
 UNLIKE = 0.25
 
 
@@ -95,6 +96,11 @@ class Fit:
         """Covariance of the unknowns; see `dsbrdf.fitting.uncertainty`."""
         return uncertainty.posterior(self.observations, self.estimate)
 
+    @property
+    def n_decided(self) -> float:
+        """How many numbers the data decided; the penalty or the prior decided the others."""
+        return self.posterior.n_decided
+
     def standard_errors(self, theta_d: ArrayLike | None = None) -> uncertainty.StandardErrors:
         """Standard errors of the curves at angles (theta_d,) in radians, every 15 degrees by default.
 
@@ -129,6 +135,7 @@ class Fit:
             "n_parameters": self.model.n_parameters,
             "channels": list(self.model.channels),
             **self.errors.summary(),
+            **({} if self.estimate.prior is None else {"n_decided": self.n_decided}),
             "converged": self.converged,
             "objective": self.objective,
             "coverage": self.coverage.sentence,
@@ -203,7 +210,7 @@ def fit(
     options = FitOptions(n_lobes, loss, curves, max_iterations)
     start = time.perf_counter()
     observations = Observations.of(measured)
-    found = estimator.estimate(observations, options, _gaussian(prior, observations))
+    found = estimator.estimate(observations, options, _prior(prior, measured, observations))
     seconds = time.perf_counter() - start
     label = f"{measured.name}: " if measured.name else ""
     if not found.converged:
@@ -213,8 +220,8 @@ def fit(
             ConvergenceWarning,
             stacklevel=2,
         )
-    miss = float(np.sqrt(found.squares))
-    if prior is not None and loss != "l2" and miss > UNLIKE:
+    miss = _miss(found, loss)
+    if miss > UNLIKE:
         warnings.warn(
             f"{label}no material of the prior is like it: the fit misses the data by a factor of {np.exp(miss):.2f}. "
             "Fit it without a prior, or with one of more materials.",
@@ -234,25 +241,54 @@ def fit(
     return Fit(model, measured, options, found, observations, errors, seconds)
 
 
-def _gaussian(prior: MaterialSpace | Gaussian | str | None, observations: Observations) -> Gaussian | None:
+def _miss(found: estimator.Estimate, loss: str) -> float:
+    """RMS of the logarithm by which materials of a prior miss the data, 0 without a prior."""
+    if found.prior is None or loss == "l2":
+        return 0.0
+    noise = getattr(found.prior, "noise", None)
+    return float(np.sqrt(found.squares)) if noise is None else float(noise)
+
+
+def _prior(
+    prior: MaterialSpace | Gaussian | str | None, measured: MeasuredBRDF | Samples, observations: Observations
+) -> Gaussian | Expectation | None:
+    """What the estimator takes: of a space, what it expects of a material with these values."""
     if prior is None:
         return None
     from dsbrdf.space import Gaussian, builtin
+    from dsbrdf.space.process import Positions
 
     if isinstance(prior, str):
         if prior != LIBRARY:
             raise ValueError(f"'prior' must be {LIBRARY!r}, a space or a Gaussian, got {prior!r}.")
         prior = builtin()
-    gaussian = prior if isinstance(prior, Gaussian) else prior.gaussian()
-    *shared, colour = gaussian.sizes
     n_channels = observations.n_channels
-    need = gaussian.n_lobes * (sum(shared) + (n_channels * colour if n_channels > 1 else 0))
-    if len(gaussian.mean) != need:
+    of = f"{len(prior.channels)} channels"
+    fits = len(prior.channels) == n_channels
+    if isinstance(prior, Gaussian):
+        *shared, colour = prior.sizes
+        need = prior.n_lobes * (sum(shared) + (n_channels * colour if n_channels > 1 else 0))
+        of, fits = f"{len(prior.mean)} unknowns", len(prior.mean) == need
+    if not fits:
         raise ValueError(
-            f"a measurement of {n_channels} channels does not go with this prior of {len(gaussian.mean)} unknowns. "
+            f"a measurement of {n_channels} channels does not go with this prior of {of}. "
             "Build a space of models with the same channels."
         )
-    return gaussian
+    if isinstance(prior, Gaussian):
+        return prior
+    n_nodes = observations.azimuth.shape[1]
+    weights = (observations.weights > 0.0).astype(np.float64)
+    if isinstance(measured, Samples) and measured.weights is not None:
+        weights *= measured.weights[:, None, None]
+    return prior.process.given(
+        Positions(
+            np.repeat(observations.log_cos, n_nodes),
+            np.repeat(observations.x, n_nodes),
+            observations.azimuth.ravel(),
+        ),
+        observations.values.reshape(-1, n_channels),
+        weights.reshape(-1, n_channels),
+    )
 
 
 def _profile(measured: MeasuredBRDF | Samples) -> MeasuredProfile | None:

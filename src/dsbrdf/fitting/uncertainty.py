@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
-from dsbrdf.fitting.estimator import Estimate, unknowns_of
+from dsbrdf.fitting.estimator import PENALTY, Estimate, unknowns_of, with_support
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.geometry import half_diff
 from dsbrdf.model.lobes import MAX_LN_KAPPA, Lobes, curve_design
+from dsbrdf.space import process as processes
+from dsbrdf.space.process import Expectation, Positions
 
 __all__ = ["Posterior", "StandardErrors", "linearise", "posterior", "value_jacobian"]
 
@@ -68,11 +70,14 @@ class Posterior:
         In the order of `dsbrdf.fitting.estimator.unknowns_of`.
     n_decided : float
         How many of the unknowns the data decided; the penalty or the prior decided the others.
+    expected : Expectation or None
+        What a space expects of the material; it decides on the deviations of values.
     """
 
     lobes: Lobes
     covariance: Array
     n_decided: float
+    expected: Expectation | None = None
 
     def standard_errors(self, theta_d: ArrayLike) -> StandardErrors:
         """Standard errors of the curves at angles (theta_d,) in radians."""
@@ -118,6 +123,13 @@ class Posterior:
             value, jacobian = value_jacobian(
                 self.lobes, half_diff.log_cos(theta_h), np.cos(theta_d), azimuth[:, None]
             )
+            if self.expected is not None:
+                positions = Positions(half_diff.log_cos(theta_h), np.cos(theta_d), azimuth)
+                of_scale = self.expected.deviation(self.expected.process.at(positions))
+                # From the scale of the process to the logarithm
+                least = np.maximum(value[:, 0], 1e-300)
+                deviation[part] = of_scale * np.hypot(1.0, 2.0 * processes.OFFSET / least)
+                continue
             rows = jacobian[:, 0] / np.maximum(value[:, 0], 1e-300)[..., None]
             deviation[part] = np.sqrt(
                 np.maximum(np.einsum("ncp,pq,ncq->nc", rows, self.covariance, rows, optimize=True), 0.0)
@@ -254,12 +266,14 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
     ValueError
         If there are too many unknowns for a dense covariance.
     """
-    lobes = found.lobes
+    lobes, prior = found.lobes, found.prior
     n = len(unknowns_of(lobes))
     if n > MAX_UNKNOWNS:
         raise ValueError(
             f"{n:,} unknowns are too many for their covariance, {MAX_UNKNOWNS:,} at most. Fit fewer channels."
         )
+    if isinstance(prior, Expectation):
+        return _as_expected(observations, found, prior)
     weights = observations.weights / observations.weights.sum()
     parts = [slice(start, start + CHUNK) for start in range(0, len(observations.x), CHUNK)]
     hessian = np.zeros((n, n))
@@ -268,7 +282,6 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
         weighted = jacobian * weights[part][..., None]
         hessian += np.einsum("nkcp,nkcq->pq", weighted, jacobian, optimize=True)
     precision = found.options.n_effective / max(found.squares, LEAST_SQUARES)
-    prior = found.prior
     held = penalty_matrix(lobes, found.options.penalty) if prior is None else prior.precision
     inverse = np.linalg.pinv(precision * hessian + held, rcond=1e-14, hermitian=True)
     scores = np.zeros((n, n))
@@ -283,6 +296,27 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
     covariance = inverse @ (precision**2 * scores + held) @ inverse
     n_decided = float(np.trace(inverse @ (precision * hessian)))
     return Posterior(lobes, covariance, n_decided)
+
+
+def _as_expected(observations: Observations, found: Estimate, expected: Expectation) -> Posterior:
+    """The posterior of lobes that are nearest to what is expected, which varies as its process says."""
+    lobes, joined = found.lobes, with_support(observations, expected)
+    value, jacobian = value_jacobian(lobes, joined.log_cos, joined.x, joined.azimuth)
+    jacobian /= np.hypot(value, 2.0 * processes.OFFSET)[..., None]
+    weights = joined.weights / joined.weights.sum()
+    precision = joined.n_effective / max(found.squares, LEAST_SQUARES)
+    weighted = (precision * weights[..., None] * jacobian).reshape(-1, jacobian.shape[-1])
+    held = penalty_matrix(lobes, PENALTY)
+    hessian = weighted.T @ jacobian.reshape(weighted.shape)
+    inverse = np.linalg.pinv(hessian + held, rcond=1e-14, hermitian=True)
+    n_nodes = joined.azimuth.shape[1]
+    positions = Positions(
+        np.repeat(joined.log_cos, n_nodes), np.repeat(joined.x, n_nodes), joined.azimuth.ravel()
+    )
+    factor = expected.factor(expected.process.at(positions)[1]).reshape(expected.process.n_materials, -1)
+    common, single = factor @ weighted, expected.noise * weighted
+    covariance = inverse @ (common.T @ common + single.T @ single + held) @ inverse
+    return Posterior(lobes, covariance, expected.n_decided, expected)
 
 
 def band(value: Any, deviation: Array, level: float) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from dsbrdf.space.variables import Variables
 
 if TYPE_CHECKING:
     from dsbrdf.space.prior import Gaussian
+    from dsbrdf.space.process import Process
 
 __all__ = ["DRAWN_SHARE", "MaterialSpace"]
 
@@ -91,6 +92,13 @@ class MaterialSpace:
         sharpness = variables.sharpness(self.curves).mean(0)
         metric = block_diag(*map(variables.metric, sharpness))
         return fit_fpca(self.curves.reshape(len(self.curves), -1), metric, sharper.ravel())
+
+    @cached_property
+    def process(self) -> Process:
+        """What the materials are like, for fits of few samples; see `dsbrdf.space.process`."""
+        from dsbrdf.space.process import Process
+
+        return Process.of_space(self)
 
     def encode(self, model: DSBRDF) -> Array:
         """Curves (slot, number) of a model.
