@@ -5,21 +5,27 @@ import dataclasses
 import numpy as np
 import pytest
 from pairs import hemisphere
-from spaces import smooth_model
 
+from dsbrdf import library
 from dsbrdf.geometry import panorama
 from dsbrdf.images import Light, PictureWarning, fit_image, fit_regions, relight
 from dsbrdf.images import fit as image_fit
 from dsbrdf.images.independence import LEAST, independent
 from dsbrdf.images.view import Camera, points
-from dsbrdf.space import build_space
+from dsbrdf.space import builtin
 
 SIZE = 32
 
 
+@pytest.fixture(autouse=True)
+def few_pixels(monkeypatch):
+    """A quarter of the pixels: the tests are about right, not about best."""
+    monkeypatch.setattr(image_fit, "N_PIXELS", 150)
+
+
 @pytest.fixture(scope="module")
 def space():
-    return build_space([smooth_model(seed) for seed in range(1, 25)])
+    return builtin(without=["orange-paint"])
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +40,7 @@ def sky():
 
 @pytest.fixture(scope="module")
 def truth():
-    return smooth_model(0)
+    return library.load("orange-paint")
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +149,7 @@ def test_pictures_together_tell_more(truth, space):
 
 
 def test_regions_are_fitted_apart(truth, sky, space):
-    other = smooth_model(40)
+    other = library.load("green-latex")
     a, b = (relight(model, "sphere", sky, size=SIZE) for model in (truth, other))
     labels = np.ones((SIZE, SIZE), dtype=int)
     labels[:, SIZE // 2 :] = 2

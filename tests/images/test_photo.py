@@ -7,11 +7,17 @@ from spaces import smooth_model
 import dsbrdf
 from dsbrdf.cli import main
 from dsbrdf.images import Light, relight, sources
+from dsbrdf.images import fit as image_fit
 from dsbrdf.measured.formats.image_file import read_pixels, write_pixels
 from dsbrdf.space import build_space
 
 SIZE = 24
 DIRECTIONS = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8], [-0.36, -0.48, 0.8]])
+
+
+@pytest.fixture(autouse=True)
+def few_pixels(monkeypatch):
+    monkeypatch.setattr(image_fit, "N_PIXELS", 150)
 
 
 @pytest.fixture(scope="module")

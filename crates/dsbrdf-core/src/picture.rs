@@ -1,18 +1,18 @@
 //! A picture as a linear function of the reflectance: how much each node of (theta_h, theta_d, azimuth) counts in a pixel.
 //!
 //! A pixel is the mean over points with a normal and a direction toward the camera; a point sees lights
-//! `sum_l flux_l f(l, v) cos_l`. Values between nodes are cubic in sqrt(theta_h) and theta_d and quadratic in the azimuthal factor
-//! times cos(2 phi_d), so that f stands in the sum as its values at the nodes.
+//! `sum_l flux_l f(l, v) cos_l`. Values between nodes are cubic in `(1 - cos(theta_h))^(1/4)`, about the root of theta_h, and in
+//! `(1 - cos(theta_d))^(1/2)`, about theta_d, and quadratic in the azimuthal factor times cos(2 phi_d), so that f stands in the sum
+//! as its values at the nodes.
 
-use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 /// Azimuths of a node: the zeros of a Chebyshev polynomial.
 pub const AZIMUTHS: [f64; 3] = [-0.866_025_403_784_438_6, 0.0, 0.866_025_403_784_438_6];
-/// A light is taken apart where half its width, radians, exceeds `SPREAD sqrt(theta_h) + LEAST`.
-const SPREAD: f64 = 0.08;
+/// A light is taken apart where half its width, radians, exceeds `SPREAD u + LEAST`, with u the coordinate of theta_h.
+const SPREAD: f64 = 0.095;
 const LEAST: f64 = 0.003;
 /// The same where it crosses the horizon.
 const AT_HORIZON: f64 = 0.05;
@@ -43,7 +43,7 @@ pub struct Points<'a> {
     pub start: &'a [usize],
 }
 
-/// Nodes along theta_h (even in its root) and theta_d, both from 0 to 90 degrees.
+/// Nodes along theta_h and theta_d, even in their coordinates, both from 0 to 90 degrees.
 #[derive(Clone, Copy)]
 pub struct Nodes {
     pub n_h: usize,
@@ -63,7 +63,7 @@ impl Nodes {
     }
 }
 
-/// Weights (pixel, channel, node), nodes in the order (theta_h, theta_d, azimuth).
+/// Weights (pixel, node, channel), nodes in the order (theta_h, theta_d, azimuth).
 pub fn weights(points: &Points, lights: &Lights, nodes: Nodes, weights: &mut [f64]) {
     let width = lights.n_channels * nodes.len();
     weights
@@ -72,17 +72,18 @@ pub fn weights(points: &Points, lights: &Lights, nodes: Nodes, weights: &mut [f6
         .for_each(|(row, ends)| of_pixel(points, ends[0]..ends[1], lights, nodes, row));
 }
 
-/// Weights (channel, node) of a pixel with some of the points.
+/// Weights (node, channel) of a pixel with some of the points.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn of_pixel(points: &Points, of: Range<usize>, lights: &Lights, nodes: Nodes, row: &mut [f64]) {
     let share = 1.0 / of.len().max(1) as f64;
     let mut stack = Vec::new();
+    let mut line = vec![0.0; CUBIC * AZIMUTHS.len() * lights.n_channels];
     for point in of {
         let vector = |from: &[f64]| [from[3 * point], from[3 * point + 1], from[3 * point + 2]];
         let frame = Frame { normal: vector(points.normal), view: vector(points.view) };
         stack.extend(0..lights.n_roots);
         while let Some(light) = stack.pop() {
-            frame.add(light, share, lights, nodes, &mut stack, row);
+            frame.add(light, share, lights, nodes, &mut stack, &mut line, row);
         }
     }
 }
@@ -93,7 +94,8 @@ struct Frame {
 }
 
 impl Frame {
-    /// Adds a light, or puts its parts on the stack.
+    /// Adds a light, or puts its parts on the stack; `line` is room for its weights.
+    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
     fn add(
         &self,
@@ -102,6 +104,7 @@ impl Frame {
         lights: &Lights,
         nodes: Nodes,
         stack: &mut Vec<usize>,
+        line: &mut [f64],
         row: &mut [f64],
     ) {
         let toward = &lights.direction[3 * light..3 * light + 3];
@@ -116,9 +119,11 @@ impl Frame {
         let s2 = dot(&s, &s);
         let d2 = dot(&d, &d);
         let (s_n, d_n) = (dot(&s, n), dot(&d, n));
-        let rho2 = (s2 - s_n * s_n).max(0.0);
-        let theta_h = rho2.sqrt().atan2(s_n).min(FRAC_PI_2);
-        let mut most = SPREAD * theta_h.sqrt() + LEAST;
+        let length = s2.sqrt();
+        // 1 - cos(theta_h), precise near the pole
+        let from_pole = if length > 0.0 { rho2(&s, n) / (length * (length + s_n.max(0.0))) } else { 1.0 };
+        let u = from_pole.min(1.0).sqrt().sqrt();
+        let mut most = SPREAD * u + LEAST;
         if cos_i < radius {
             most = most.min(AT_HORIZON);
         }
@@ -133,7 +138,8 @@ impl Frame {
         if cos_i <= 0.0 {
             return;
         }
-        let theta_d = d2.sqrt().atan2(s2.sqrt());
+        // 1 - cos(theta_d) of |s| = 2 cos(theta_d), |d| = 2 sin(theta_d)
+        let from_view = (0.25 * d2 / (1.0 + 0.5 * length)).min(1.0);
         // As `directions::Coordinates`: cos(phi_d) : sin(phi_d) = d_n |s| : (d cross s)_n
         let along2 = d_n * d_n * s2;
         let cross = [d[1] * s[2] - d[2] * s[1], d[2] * s[0] - d[0] * s[2], d[0] * s[1] - d[1] * s[0]];
@@ -144,28 +150,37 @@ impl Frame {
         let product = both * (both + c_q * c_q * s2);
         let azimuth = if product > 0.0 { (along2 - across2) / product.sqrt() } else { 0.0 };
 
-        let (h, of_h) = cubic((theta_h / FRAC_PI_2).sqrt(), nodes.n_h);
-        let (first_d, of_d) = cubic(theta_d / FRAC_PI_2, nodes.n_d);
+        let (h, of_h) = cubic(u, nodes.n_h);
+        let (first_d, of_d) = cubic(from_view.sqrt(), nodes.n_d);
         let of_a = quadratic(azimuth);
-        let n_a = AZIMUTHS.len();
-        let mut line = [0.0; CUBIC * AZIMUTHS.len()];
-        for (j, of_d) in of_d.iter().enumerate() {
-            for (a, of_a) in of_a.iter().enumerate() {
-                line[j * n_a + a] = of_d * of_a;
-            }
-        }
-        let flux = &lights.flux[light * lights.n_channels..(light + 1) * lights.n_channels];
-        for (channel, flux) in flux.iter().enumerate() {
-            let scale = share * flux * cos_i;
-            for (i, of_h) in of_h.iter().enumerate() {
-                let at = channel * nodes.len() + ((h + i) * nodes.n_d + first_d) * n_a;
-                let factor = scale * of_h;
-                for (sum, value) in row[at..at + line.len()].iter_mut().zip(&line) {
-                    *sum += value * factor;
+        let (n_a, n_channels) = (AZIMUTHS.len(), lights.n_channels);
+        let flux = &lights.flux[light * n_channels..(light + 1) * n_channels];
+        let width = CUBIC * n_a * n_channels;
+        let line = &mut line[..width];
+        let mut k = 0;
+        for of_d in of_d {
+            for of_a in of_a {
+                for flux in flux {
+                    line[k] = share * cos_i * of_d * of_a * flux;
+                    k += 1;
                 }
             }
         }
+        for (i, of_h) in of_h.iter().enumerate() {
+            let at = ((h + i) * nodes.n_d + first_d) * n_a * n_channels;
+            for (sum, value) in row[at..at + width].iter_mut().zip(line.iter()) {
+                *sum += value * of_h;
+            }
+        }
     }
+}
+
+/// Squared length of the part of s across n, not from a difference of squares.
+#[inline(always)]
+fn rho2(s: &[f64], n: &[f64]) -> f64 {
+    let along = dot(s, n);
+    let across = [s[0] - along * n[0], s[1] - along * n[1], s[2] - along * n[2]];
+    dot(&across, &across)
 }
 
 #[inline(always)]
@@ -229,7 +244,7 @@ mod tests {
         let points = Points { normal: &[0.0, 0.0, 1.0], view: &[0.0, 0.0, 1.0], start: &[0, 1] };
         let mut row = vec![f64::NAN; 2 * NODES.len()];
         weights(&points, &lights, NODES, &mut row);
-        let sums: Vec<f64> = row.chunks(NODES.len()).map(|w| w.iter().sum()).collect();
+        let sums: Vec<f64> = (0..2).map(|c| row.iter().skip(c).step_by(2).sum()).collect();
         assert!((sums[0] - 1.6).abs() < 1e-12 && (sums[1] - 2.4).abs() < 1e-12);
     }
 

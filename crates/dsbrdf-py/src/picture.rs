@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use crate::arrays::{elements, shaped};
 use crate::pool;
 
-/// Weights (pixel, channel, theta_h, theta_d, azimuth) of the values of a reflectance at nodes in the pixels of a picture.
+/// Weights (pixel, theta_h, theta_d, azimuth, channel) of the values of a reflectance at nodes in the pixels of a picture.
 ///
 /// Points (point, xyz) of pixel i are those from `start[i]` to `start[i + 1]`. Of lights, (light, xyz), (light, channel),
 /// (light,), and (light, 4) for their parts; the first `n_roots` are no part of another.
@@ -65,5 +65,5 @@ pub fn picture_weights<'py>(
     let mut found = vec![0.0; n_pixels * n_channels * nodes.len()];
     pool::run(py, || weights(&points, &lights, nodes, &mut found));
     PyArray1::from_vec(py, found)
-        .reshape([n_pixels, n_channels, nodes.n_h, nodes.n_d, AZIMUTHS.len()].as_slice())
+        .reshape([n_pixels, nodes.n_h, nodes.n_d, AZIMUTHS.len(), n_channels].as_slice())
 }

@@ -399,8 +399,7 @@ def _problem(
     weights, pixels, places = [], [], []
     for picture, seen, light in zip(pictures, of_points, lights, strict=True):
         some = seen.take(chosen(picture.flat[seen.pixel], most))
-        made = linear.weights(some, light)
-        weights.append(made.reshape(*made.shape[:2], -1).transpose(1, 0, 2).astype(np.float32))
+        weights.append(linear.weights(some, light).astype(np.float32))
         pixels.append(picture.flat[some.pixel])
         places.append(some.normal[some.start[:-1]])
     values = np.concatenate(pixels)

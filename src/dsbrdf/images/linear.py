@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 
 #: Pixels handled together where a picture is rendered.
 CHUNK = 512
-#: Beyond this theta_h the value there holds: a lobe's falloff may have no end on the horizon.
-MOST_THETA_H = float(np.deg2rad(89.0))
+#: Beyond this 1 - cos(theta_h) the value there holds: a lobe's falloff may have no end on the horizon.
+MOST_DEPTH = 1.0 - float(np.cos(np.deg2rad(89.0)))
 #: Azimuths of a node, as in the kernel.
 AZIMUTHS = np.sqrt(0.75) * np.array([-1.0, 0.0, 1.0])
 
@@ -40,19 +40,19 @@ class Nodes:
     Parameters
     ----------
     n_h, n_d : int
-        Along theta_h, even in its root, and along theta_d.
+        Along theta_h and theta_d, even in the coordinates of the kernel.
     """
 
-    n_h: int = 48
+    n_h: int = 40
     n_d: int = 16
 
     @cached_property
     def positions(self) -> tuple[Array, Array]:
         """`ln cos(theta_h)` and `cos(theta_d)` (position,)."""
-        h = 0.5 * np.pi * (np.arange(self.n_h) / (self.n_h - 1)) ** 2
-        d = 0.5 * np.pi * np.arange(self.n_d) / (self.n_d - 1)
-        h, d = (grid.ravel() for grid in np.meshgrid(np.minimum(h, MOST_THETA_H), d, indexing="ij"))
-        return half_diff.log_cos(h), np.cos(d)
+        u = np.arange(self.n_h) / (self.n_h - 1)
+        v = np.arange(self.n_d) / (self.n_d - 1)
+        log_cos, x = np.meshgrid(np.log1p(-np.minimum(u**4, MOST_DEPTH)), 1.0 - v**2, indexing="ij")
+        return log_cos.ravel(), x.ravel()
 
     def values(self, lobes: Lobes) -> Array:
         """Values (node, channel)."""
@@ -79,7 +79,7 @@ NODES = Nodes()
 
 
 def weights(points: Points, light: Light, nodes: Nodes = NODES) -> Array:
-    """Weights (pixel, channel, position, azimuth) of values at nodes in a picture."""
+    """Weights (channel, pixel, node) of values at nodes in a picture, a view."""
     found = _core.picture_weights(
         points.normal,
         points.view,
@@ -92,7 +92,7 @@ def weights(points: Points, light: Light, nodes: Nodes = NODES) -> Array:
         (nodes.n_h, nodes.n_d),
         half_diff.AZIMUTHAL_WIDTH,
     )
-    return found.reshape(*found.shape[:2], nodes.n_h * nodes.n_d, len(AZIMUTHS))
+    return np.moveaxis(found.reshape(len(found), -1, light.n_channels), -1, 0)
 
 
 def rendered(
@@ -103,7 +103,7 @@ def rendered(
     pixels = np.empty((len(points.pixel), lobes.n_channels))
     for start in range(0, len(points.pixel), CHUNK):
         some = np.arange(start, min(start + CHUNK, len(points.pixel)))
-        part = weights(points.take(some), light)
-        pixels[some] = np.einsum("rcn,nc->rc", part.reshape(*part.shape[:2], -1), values, optimize=True)
+        made = weights(points.take(some), light)
+        pixels[some] = np.stack([w @ value for w, value in zip(made, values.T, strict=True)], axis=1)
         step(len(some))
     return pixels

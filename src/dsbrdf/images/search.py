@@ -27,9 +27,9 @@ OFFSET = 0.02
 LEAST_SQUARES = 1e-6
 #: Standard deviation of the logarithm of an unknown exposure.
 EXPOSURE = 3.0
-MAX_STEPS = 40
+MAX_STEPS = 60
 #: Decrease of the objective that ends the search, and that ends one that another will follow.
-TOLERANCE, LOOSE = 0.05, 1.0
+TOLERANCE, LOOSE = 0.2, 1.0
 #: Range of the curves' unknowns: exponentials stay numbers.
 FALLOFF_END = 20.0
 

@@ -15,8 +15,8 @@ __all__ = ["Camera", "Points", "points"]
 
 Array = NDArray[np.float64]
 
-#: Points along a side of a pixel of a sphere: a pixel sees several normals.
-SUB = 2
+#: Points along a side of a pixel of a sphere, which sees several normals, in pictures of less than so many pixels.
+SUB, SMALL = 2, 100
 #: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and models err most.
 LEAST_COSINE = float(np.cos(np.deg2rad(80.0)))
 
@@ -138,7 +138,7 @@ def points(
     least = min(height, width)
     if mask is not None and mask.shape != shape:
         raise ValueError(f"'mask' must have the picture's shape {shape}, got {mask.shape}.")
-    n = SUB if isinstance(normals, str) else 1
+    n = SUB if isinstance(normals, str) and least < SMALL else 1
     offset = (np.arange(n) + 0.5) / n
     x = (2.0 * (np.arange(width)[:, None] + offset) - width) / least
     y = (height - 2.0 * (np.arange(height)[:, None] + offset)) / least

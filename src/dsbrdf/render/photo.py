@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 #: Logarithms at the ends of the map of residuals.
 END = 0.3
 #: Pixels of the material's sphere; rows of the light's map.
-SPHERE, LIGHT_ROWS = 96, 64
+SPHERE, LIGHT_ROWS = 100, 256
 
 
 def sheet(found: ImageFit) -> Figure:

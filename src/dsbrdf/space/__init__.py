@@ -7,6 +7,7 @@ blends, moves and draws materials, and its `Gaussian` is the prior of `dsbrdf.fi
 """
 
 from dsbrdf.space.build import FIT, build_space, builtin, lobe_fpca
+from dsbrdf.space.differentiable import from_scores
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.prior import Gaussian
@@ -25,6 +26,7 @@ __all__ = [
     "build_space",
     "builtin",
     "fit_fpca",
+    "from_scores",
     "load_space",
     "lobe_fpca",
 ]

@@ -1,0 +1,300 @@
+"""What pictures tell of reflectance: errors of materials found in one picture of a sphere, or in distant lights.
+
+python benchmarks/images.py FOLDER HALL.hdr VENICE.hdr MATERIAL... [--unknown] [--mistakes]
+
+FOLDER holds measured files, NAME.binary or NAME.bsdf; two environment maps. Pictures of 64 x 64 pixels are rendered
+from the measured table by Mitsuba under one map, with 1 % of noise; the material is left out of the prior. What is found is
+compared with the table, and with the table's picture under the other map. Lambert + GGX is fitted to the same pixels.
+
+dirs: RMS of ln((model + 1e-3) / (f + 1e-3)) over pairs of directions below 80 degrees; cells: that of `dsbrdf.fit`,
+over all cells with 1e-6; relit: relative RMS of the picture under the other map; dE: its mean CIEDE2000; in: share of
+ln f within the 95 % band; rms: of the residuals; worth: independent pixels; decided: numbers. Half a minute a material,
+most of it for the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import dsbrdf
+from dsbrdf import images, library
+from dsbrdf.fitting import metrics
+from dsbrdf.geometry import half_diff
+from dsbrdf.images import fit as image_fit
+from dsbrdf.images import linear
+from dsbrdf.images.view import Camera, points
+
+SIZE, SPP, BATCHES = 64, 256, 12
+NOISE = 0.01
+N_PAIRS = 20_000
+DISTANT = (1, 3, 10)
+
+
+def truth(measured, envmap):
+    """Radiance (height, width, 3) of a sphere with a table under a map, by Mitsuba."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    from dsbrdf import render
+
+    render.register()
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "direct", "hide_emitters": True, "emitter_samples": 4, "bsdf_samples": 2},
+            "sensor": {
+                "type": "orthographic",
+                "to_world": mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]),
+                "film": {
+                    "type": "hdrfilm",
+                    "width": SIZE,
+                    "height": SIZE,
+                    "pixel_format": "rgb",
+                    "component_format": "float32",
+                    "rfilter": {"type": "box"},
+                },
+            },
+            "light": {"type": "envmap", "filename": str(envmap)},
+            "object": {"type": "sphere", "bsdf": render.to_dict(measured)},
+        }
+    )
+    return np.mean([np.array(mi.render(scene, spp=SPP, seed=i), float) for i in range(BATCHES)], axis=0)
+
+
+def noisy(image, seed=0):
+    return image * (1.0 + NOISE * np.random.default_rng(seed).standard_normal(image.shape))
+
+
+def pairs(rng, n, limit=80.0):
+    z, phi = rng.uniform(np.cos(np.deg2rad(limit)), 1.0, (2, n)), 2.0 * np.pi * rng.random((2, n))
+    s = np.sqrt(1.0 - z * z)
+    return np.stack([s * np.cos(phi), s * np.sin(phi), z], axis=-1)
+
+
+class Scaled:
+    """A model times a factor a channel."""
+
+    def __init__(self, model, factor):
+        self.model, self.factor = model, factor
+
+    def eval(self, wi, wo):
+        """Values (..., channel)."""
+        return self.factor * self.model.eval(wi, wo)
+
+
+def errors(model, measured, picture, relit, posterior=None, *, to_scale=False):
+    """dirs, cells, relit, dE and in."""
+    from dsbrdf.render import picture as tone
+    from dsbrdf.render import quality
+
+    wi, wo = pairs(np.random.default_rng(3), N_PAIRS)
+    f = measured.eval(wi, wo)
+    some = (f > 0.0).all(1)
+    wi, wo, f = wi[some], wo[some], f[some]
+    factor = np.ones(3)
+    if to_scale:
+        for _ in range(6):
+            factor = factor * np.exp(np.log((f + 1e-3) / (factor * model.eval(wi, wo) + 1e-3)).mean(0))
+        relit = relit * (relit * picture).sum((0, 1)) / (relit**2).sum((0, 1))
+    g = factor * model.eval(wi, wo)
+    seen = picture.any(-1) & relit.any(-1)
+    full = [np.concatenate([image, seen[..., None]], -1) for image in (relit, picture)]
+    off = np.log(g / f)[:2000]
+    inside = np.nan
+    if posterior is not None:
+        off -= off.mean(0) if to_scale else 0.0
+        inside = (np.abs(off) < 1.96 * posterior.deviation(wi[:2000], wo[:2000])).mean()
+    return (
+        np.sqrt((np.log((g + 1e-3) / (f + 1e-3)) ** 2).mean()),
+        metrics.errors(Scaled(model, factor), measured).log,
+        np.sqrt(((relit - picture)[seen] ** 2).sum() / (picture[seen] ** 2).sum()),
+        quality.compare(*full, tone.exposure_of(full[1])).mean,
+        inside,
+    )
+
+
+def lambert_ggx(problem):
+    """Lambert + GGX of the pixels of a problem, the better of two searches."""
+    from scipy.optimize import least_squares
+
+    from dsbrdf.baselines.microfacet import LambertGGX
+
+    ln_cos, x = linear.NODES.positions
+    theta_h, theta_d = (a.ravel() for a in np.broadcast_arrays(np.arccos(np.exp(ln_cos)), np.arccos(x)))
+    g = np.maximum(half_diff.azimuthal_factor(theta_h, theta_d), 1e-6)
+    cos_2phi = np.clip(linear.AZIMUTHS / g[:, None], -1.0, 1.0)
+    # Where one of the directions would be below the horizon, the azimuth that is nearest to the other ones
+    phi = 0.5 * np.arccos(cos_2phi)
+    least = np.arccos(np.clip(0.99 / np.maximum(np.tan(theta_h) * np.tan(theta_d), 0.99), -1.0, 1.0))
+    theta_d = np.minimum(theta_d, 0.5 * np.pi - 1e-3)
+    wi, wo = half_diff.to_directions(theta_h[:, None], theta_d[:, None], np.maximum(phi, least[:, None]))
+    target = np.arcsinh(0.5 * problem.pixels / problem.offset)
+
+    def model(z):
+        alpha = float(np.clip(np.exp(z[6]), 1e-3, 1.5))
+        f0 = np.exp(z[3:6])[:, None]
+        return LambertGGX(np.exp(z[:3]), f0, np.ones(1), np.array([alpha]))
+
+    def residual(z):
+        value = model(z).eval(wi, wo).reshape(-1, 3)
+        made = np.stack([w @ value[:, c] for c, w in enumerate(problem.weights)], axis=1)
+        return (np.arcsinh(0.5 * made / problem.offset) - target).ravel()
+
+    starts = [np.r_[np.full(3, -1.0), np.full(3, -2.0), np.log(alpha)] for alpha in (0.06, 0.3)]
+    found = [least_squares(residual, z, diff_step=1e-4, max_nfev=25) for z in starts]
+    return model(min(found, key=lambda one: one.cost).x)
+
+
+def relit_baseline(model, light):
+    """Picture (height, width, 3) of a sphere with anything that has `eval`."""
+    seen = points("sphere", (SIZE, SIZE), Camera())
+    leaves = np.flatnonzero((light.parts.max(1) < 0) & (light.flux.sum(1) > 0.0))
+    toward, flux = light.direction[leaves], light.flux[leaves]
+    image = np.zeros((SIZE * SIZE, 3))
+    for i, pixel in enumerate(seen.pixel):
+        normal = seen.normal[seen.start[i] : seen.start[i + 1]].mean(0)
+        normal /= np.linalg.norm(normal)
+        across = np.cross(normal, [0.3, 0.5, 0.8])
+        across /= np.linalg.norm(across)
+        turn = np.stack([across, np.cross(normal, across), normal])
+        wi, wo = toward @ turn.T, turn @ seen.view[seen.start[i]]
+        up = wi[:, 2] > 0.0
+        image[pixel] = (model.eval(wi[up], wo) * flux[up] * wi[up, 2:]).sum(0)
+    return image.reshape(SIZE, SIZE, 3)
+
+
+def prior_without(name):
+    return dsbrdf.space.builtin(without=[n for n in library.names() if n == name or f"{n}_rgb" == name])
+
+
+def found_in(image, light, prior, **options):
+    clock = time.process_time()
+    found = images.fit_image(image, "sphere", light, prior=prior, **options)
+    return found, time.process_time() - clock
+
+
+def row(label, values):
+    print(f"{label:34s}" + " ".join(f"{value:7.3f}" for value in values), flush=True)
+
+
+def seen_only(image):
+    """A picture, black where `fit_image` does not look."""
+    shown = np.zeros(SIZE * SIZE, bool)
+    shown[points("sphere", (SIZE, SIZE), Camera()).pixel] = True
+    return np.where(shown.reshape(SIZE, SIZE, 1), image, 0.0)
+
+
+def distant_lights(n):
+    """Directions toward n lights around the camera, and one of them behind the object."""
+    angle = 2.0 * np.pi * np.arange(n) * 0.381966
+    z = np.linspace(0.8, -0.6, n) if n > 1 else np.array([0.5])
+    s = np.sqrt(1.0 - z * z)
+    return np.stack([s * np.cos(angle), s * np.sin(angle), z], axis=-1)
+
+
+def shaded(measured, direction):
+    """Picture of a table in one distant light, at the middles of the pixels."""
+    light = images.Light.distant(direction, np.pi)
+    return relit_baseline(measured, light)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("maps", type=Path, nargs=2)
+    parser.add_argument("materials", nargs="+")
+    parser.add_argument("--ggx", action="store_true", help="also Lambert + GGX, ten seconds each")
+    parser.add_argument("--distant", action="store_true", help="also one, three and ten distant lights")
+    parser.add_argument("--unknown", action="store_true", help="also the light unknown")
+    parser.add_argument("--mistakes", action="store_true", help="also wrong normals, light and exposure")
+    parser.add_argument("--cache", type=Path, default=Path("truth"), help="folder of rendered pictures")
+    args = parser.parse_args()
+    warnings.simplefilter("ignore")
+    lights = [images.Light.from_map(path) for path in args.maps]
+    results: dict[str, list] = {}
+
+    def note(label, name, values):
+        results.setdefault(label, []).append(values)
+        row(f"{label} {name}", values)
+
+    for name in args.materials:
+        (path,) = [p for p in (args.folder / f"{name}.binary", args.folder / f"{name}.bsdf") if p.exists()]
+        measured, prior = dsbrdf.read(path), prior_without(name)
+        rendered = []
+        for envmap in args.maps:
+            cached = args.cache / f"{name}-{envmap.stem}.npy"
+            if not cached.exists():
+                cached.parent.mkdir(exist_ok=True)
+                np.save(cached, truth(measured, envmap))
+            rendered.append(seen_only(np.load(cached)[..., :3]))
+        for i, (image, light) in enumerate(zip(rendered, lights, strict=True)):
+            way = f"{args.maps[i].stem} -> {args.maps[1 - i].stem}"
+            other_light, other = lights[1 - i], rendered[1 - i]
+
+            def scored(
+                found, seconds, *, to_scale=False, other_light=other_light, other=other, measured=measured
+            ):
+                relit = seen_only(images.relight(found.model, "sphere", other_light, size=SIZE))
+                measures = errors(found.model, measured, other, relit, found.posterior, to_scale=to_scale)
+                return (*measures, found.rms, found.n_effective, found.n_decided, seconds)
+
+            note(way, name, scored(*found_in(noisy(image), light, prior)))
+            if args.ggx:
+                inputs = image_fit._inputs(noisy(image), "sphere", light, None, Camera())
+                model = lambert_ggx(image_fit._problem(*inputs, prior.gaussian(), False))
+                measures = errors(model, measured, other, seen_only(relit_baseline(model, other_light)))
+                note(f"{way}, Lambert + GGX", name, measures[:4])
+            if args.unknown:
+                found = found_in(noisy(image), "unknown", prior)
+                note(f"{way}, light unknown", name, scored(*found, to_scale=True))
+            if args.mistakes and i == 0:
+                turned = np.roll(light.map, round(5.0 / 360.0 * light.map.shape[1]), axis=1)
+                note(
+                    "light turned by 5 degrees",
+                    name,
+                    scored(*found_in(noisy(image), images.Light.from_map(turned), prior)),
+                )
+                note("exposure 5 % off", name, scored(*found_in(1.05 * noisy(image), light, prior)))
+                note("normals 2 degrees off", name, scored(*found_with_normals(noisy(image), light, prior)))
+        if args.distant:
+            for n in DISTANT:
+                toward = distant_lights(n)
+                shown = [noisy(shaded(measured, direction), seed) for seed, direction in enumerate(toward)]
+                found, seconds = found_in(shown, [images.Light.distant(d, np.pi) for d in toward], prior)
+                relit = seen_only(images.relight(found.model, "sphere", lights[0], size=SIZE))
+                measures = errors(found.model, measured, rendered[0], relit, found.posterior)
+                note(
+                    f"{n} distant", name, (*measures, found.rms, found.n_effective, found.n_decided, seconds)
+                )
+    print("\nmedians: dirs, cells, relit, dE, in, rms, worth, decided, CPU seconds")
+    for label, rows in results.items():
+        row(label, np.median(rows, axis=0))
+
+
+def found_with_normals(image, light, prior):
+    """The fit with smooth errors of 2 degrees in the normals."""
+    seen = points("sphere", (SIZE, SIZE), Camera(), least_cosine=0.0)
+    normals = np.zeros((SIZE * SIZE, 3))
+    normals[seen.pixel] = seen.normal.reshape(len(seen.pixel), -1, 3).mean(1)
+    rng = np.random.default_rng(1)
+    waves = rng.normal(size=(3, 3)) * 4.0
+    tilt = (
+        np.deg2rad(2.0) * np.sqrt(2.0 / 3.0) * np.sqrt(1.5) * np.sin(normals @ waves + rng.uniform(0, 6, 3))
+    )
+    wrong = np.where(normals.any(-1, keepdims=True), normals + tilt, 0.0)
+    length = np.linalg.norm(wrong, axis=-1, keepdims=True)
+    wrong = np.divide(wrong, length, out=np.zeros_like(wrong), where=length > 0.0).reshape(SIZE, SIZE, 3)
+    clock = time.process_time()
+    found = images.fit_image(image, wrong, light, prior=prior)
+    return found, time.process_time() - clock
+
+
+if __name__ == "__main__":
+    main()
