@@ -1,10 +1,10 @@
 """What pictures tell of reflectance: errors of materials found in one picture of a sphere, or in distant lights.
 
-python benchmarks/images.py FOLDER HALL.hdr VENICE.hdr MATERIAL... [--unknown] [--mistakes]
+python benchmarks/images.py FOLDER HALL.hdr VENICE.hdr MATERIAL...
 
 FOLDER holds measured files, NAME.binary or NAME.bsdf; two environment maps. Pictures of 64 x 64 pixels are rendered
-from the measured table by Mitsuba under one map, with 1 % of noise; the material is left out of the prior. What is found is
-compared with the table, and with the table's picture under the other map. Lambert + GGX is fitted to the same pixels.
+from the measured table by Mitsuba under one map, with 1 % of noise; the material is left out of the prior. What is
+found is compared with the table, and with the table's picture under the other map.
 
 dirs: RMS of ln((model + 1e-3) / (f + 1e-3)) over pairs of directions below 80 degrees; cells: that of `dsbrdf.fit`,
 over all cells with 1e-6; relit: relative RMS of the picture under the other map; dE: its mean CIEDE2000; in: share of

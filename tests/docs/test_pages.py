@@ -23,7 +23,8 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 @pytest.mark.parametrize(
-    ("page", "written"), [("curves", "merl"), ("space", "space.npz"), ("view", "page.html")]
+    ("page", "written"),
+    [("curves", "merl"), ("space", "space.npz"), ("view", "page.html"), ("photos", "orange.json")],
 )
 def test_python_runs(folder, page, written):
     path = DOCS / f"{page}.md"

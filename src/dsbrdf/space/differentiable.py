@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def from_scores(space: MaterialSpace, scores: Any, xp: Any = np) -> Lobes:
     mean, functions = (xp.asarray(part, dtype=scores.dtype) for part in (fpca.mean, fpca.functions[:n]))
     rows = xp.reshape(mean + scores @ functions, (space.n_slots, variables.n_numbers))
     ends = np.cumsum([0, *variables.sizes[:4]]).tolist()
-    height, gamma, beta, falloff = (rows[:, a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+    height, gamma, beta, falloff = (rows[:, a:b] for a, b in pairwise(ends))
     colour = xp.reshape(rows[:, ends[-1] :], (space.n_slots, variables.n_channels, -1))
     bright = xp.exp(xp.clip(height[:, None] + colour, None, float(np.log(HEIGHT[1])))) - DARK
     ln_kappa = xp.permute_dims(xp.log(xp.log1p(xp.clip(bright, *HEIGHT))), (1, 0, 2))
