@@ -74,7 +74,7 @@ def test_all_lights_of_a_list_shine_on_a_single_picture(folder, capsys):
         (["0.exr"], "give a map, a list of lights, or unknown"),
         (["0.exr", "--light", "none.hdr"], "none.hdr: No such file"),
         (["0.exr", "1.exr", "--light", "lights.csv"], "lights.csv holds 3 lights for 2 pictures"),
-        (["0.exr", "--light", "lights.csv", "-o", "0.exr"], "0.exr is read by this command"),
+        (["0.exr", "--light", "lights.csv", "-o", "0.exr"], "0.exr is what this is made from"),
         (["space.npz", "--light", "lights.csv"], "space.npz: not a picture"),
     ],
 )
