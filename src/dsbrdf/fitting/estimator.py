@@ -151,7 +151,7 @@ def estimate(
     # What was grown on few positions may be worse on more of them than one lobe less
     starts = [chosen]
     if chosen["n_lobes"] > 1:
-        starts.append(_padded(path[chosen["n_lobes"] - 2], how.sizes, observations.n_channels))
+        starts.append(_padded(path[chosen["n_lobes"] - 2], how.sizes))
 
     def refined(start: _core._Solution, n: int | None, tolerance: float) -> _core._Solution:
         part = observations.kernel if n is None else observations.kernel.thinned(n)
@@ -165,7 +165,7 @@ def estimate(
     return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)
 
 
-def _padded(found: _core._Solution, sizes: tuple[int, ...], n_channels: int) -> _core._Solution:
+def _padded(found: _core._Solution, sizes: tuple[int, ...]) -> _core._Solution:
     """A solution with one more lobe, which is not there."""
     *shared, n_colour = sizes
     n_lobes = found["n_lobes"]
