@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf.fitting import energy
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.options import AUTO, FitOptions
 from dsbrdf.model.lobes import Lobes, curve_design
@@ -161,6 +162,15 @@ def estimate(
     near = min((refined(start, N_NEAR, TOLERANCE) for start in starts), key=lambda found: found["objective"])
     end = refined(near, None, LAST_TOLERANCE)
     lobes = lobes_of(end["x"], how.sizes, end["n_lobes"], observations.n_channels)
+    if observations.light is not None and options.loss != "l2":
+        lobes = energy.keep_light(
+            lobes,
+            observations.log_cos,
+            observations.x,
+            observations.azimuth,
+            observations.values.mean(-1),
+            observations.light,
+        )
     spent = chosen["iterations"] + end["iterations"]
     return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf.fitting import energy
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
@@ -34,6 +35,9 @@ OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
+#: Smaller cosine of a pair below which it counts less, in proportion: little light goes there, and few instruments
+#: measure it well.
+GRAZING = 0.5
 #: Azimuths of a cell, in standard deviations of cos(2 phi_d): of mean 0 and variance 1.
 NODES = np.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
 #: Values that stand for a row over phi_d stay within this of its mean.
@@ -59,6 +63,8 @@ class Observations:
         Zero where there is no value.
     n_effective : float
         Independent observations that all this is worth.
+    light : (angle, position, node) ndarray, optional
+        How much values of a table count for the light from near each of `energy.ANGLES`.
 
     Attributes
     ----------
@@ -74,6 +80,7 @@ class Observations:
     values: Array
     weights: Array
     n_effective: float
+    light: Array | None = None
     offset: Array = field(init=False)
     kernel: _core.Observations = field(init=False, repr=False)
 
@@ -86,7 +93,7 @@ class Observations:
     def __reduce__(self) -> tuple[Any, ...]:
         # What the kernel holds is made again
         arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
-        return Observations, (*arrays, self.n_effective)
+        return Observations, (*arrays, self.n_effective, self.light)
 
     @property
     def n_channels(self) -> int:
@@ -158,12 +165,23 @@ def _of_table(measured: MeasuredBRDF) -> Observations:
     most = MAX_SWING * np.abs(mean)[..., None]
     values = mean[..., None] + np.clip(swing, -most, most)
 
-    cos_product = _cos_product(theta_h, theta_d[:, None], middle)[:, None]
-    area = cell_area(theta_h, theta_d)[:, None] * n
+    cos_product = _cos_product(theta_h, theta_d[:, None], middle)
+    half_sum = np.cos(theta_h) * np.cos(theta_d[:, None])
+    half_gap = np.sqrt(np.maximum(half_sum**2 - cos_product, 0.0))
+    least_cosine = half_sum - half_gap
+    cos_product = cos_product[:, None]
+    area = cell_area(theta_h, theta_d)[:, None] * n * _trust(least_cosine)[:, None]
     by_angle = area / np.sin(np.maximum(theta_d, LEAST_ANGLE))[:, None, None]
     weights = np.where(some, _weights(area, by_angle, mean, cos_product, axes=(0, 2)), 0.0)
     h, d = (grid.ravel() for grid in np.broadcast_arrays(theta_h, theta_d[:, None]))
     factor = half_diff.azimuthal_factor(theta_h, theta_d[:, None])
+    of_node = np.sqrt(
+        np.maximum(
+            half_sum[..., None] ** 2 - _cos_product(theta_h[:, None], theta_d[:, None, None], nodes), 0.0
+        )
+    )
+    light = energy.shares((half_sum[..., None] - of_node, half_sum[..., None] + of_node))
+    light *= (cell_area(theta_h, theta_d) * n.mean(1))[..., None]
     by_position = (0, 2, 3, 1)
     shape = (h.size, len(NODES), n.shape[1])
     return Observations(
@@ -173,6 +191,7 @@ def _of_table(measured: MeasuredBRDF) -> Observations:
         values.transpose(by_position).reshape(shape),
         np.repeat(weights[..., None], len(NODES), axis=-1).transpose(by_position).reshape(shape),
         min(EFFECTIVE, float((some.any(1)).sum())),
+        light.reshape(len(light), h.size, len(NODES)),
     )
 
 
@@ -182,9 +201,9 @@ def _of_samples(samples: Samples) -> Observations:
     values = np.where(valid, samples.values, 0.0)
     area = np.ones(len(samples)) if samples.weights is None else samples.weights
     cos_product = np.maximum(samples.wi[:, 2] * samples.wo[:, 2], 0.0)
-    area = area[:, None] * valid
+    n = float(((area[:, None] * valid) > 0.0).any(1).sum())
+    area = (area * _trust(np.minimum(samples.wi[:, 2], samples.wo[:, 2])))[:, None] * valid
     weights = _weights(area, area, values, cos_product[:, None], axes=(0,))
-    n = float((area > 0.0).any(1).sum())
     azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
     return Observations(
         half_diff.log_cos(theta_h),
@@ -194,6 +213,12 @@ def _of_samples(samples: Samples) -> Observations:
         np.where(valid, weights, 0.0)[:, None],
         max(min(EFFECTIVE, n), 1.0),
     )
+
+
+def _trust(least_cosine: Array) -> Array:
+    """How much a pair of directions counts by its smaller cosine."""
+    trust: Array = np.clip(least_cosine / GRAZING, 0.0, 1.0)
+    return trust
 
 
 def _cos_product(theta_h: Array, theta_d: Array, cos_2phi: Array) -> Array:
