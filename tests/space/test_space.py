@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import time
 
 import numpy as np
 import pytest
@@ -248,13 +247,6 @@ def test_curves_of_other_sizes():
     space = build_space(models, sizes=(3, 2, 1, 1, 1))
     assert space.blend(*models[:2], 0.5).lobes.scale.shape == (3, 3)
     assert space.settings.sizes == Sizes(3, 2, 1, 1, 1)
-
-
-def test_a_hundred_models_are_built_in_two_seconds():
-    models = [smooth_model(i, n_lobes=2 + i % 3) for i in range(100)]
-    start = time.process_time()
-    assert len(build_space(models).fpca.scores) == 100
-    assert time.process_time() - start < 2.0
 
 
 def test_repr(space):

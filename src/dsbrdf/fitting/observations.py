@@ -35,7 +35,7 @@ OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
-#: Smaller cosine of a pair below which it counts less, in proportion: little light goes there, and few instruments
+#: Smaller cosine of a cell below which it counts less, in proportion: little light goes there, and few instruments
 #: measure it well.
 GRAZING = 0.5
 #: Azimuths of a cell, in standard deviations of cos(2 phi_d): of mean 0 and variance 1.
@@ -170,7 +170,7 @@ def _of_table(measured: MeasuredBRDF) -> Observations:
     half_gap = np.sqrt(np.maximum(half_sum**2 - cos_product, 0.0))
     least_cosine = half_sum - half_gap
     cos_product = cos_product[:, None]
-    area = cell_area(theta_h, theta_d)[:, None] * n * _trust(least_cosine)[:, None]
+    area = cell_area(theta_h, theta_d)[:, None] * n * np.clip(least_cosine / GRAZING, 0.0, 1.0)[:, None]
     by_angle = area / np.sin(np.maximum(theta_d, LEAST_ANGLE))[:, None, None]
     weights = np.where(some, _weights(area, by_angle, mean, cos_product, axes=(0, 2)), 0.0)
     h, d = (grid.ravel() for grid in np.broadcast_arrays(theta_h, theta_d[:, None]))
@@ -201,9 +201,9 @@ def _of_samples(samples: Samples) -> Observations:
     values = np.where(valid, samples.values, 0.0)
     area = np.ones(len(samples)) if samples.weights is None else samples.weights
     cos_product = np.maximum(samples.wi[:, 2] * samples.wo[:, 2], 0.0)
-    n = float(((area[:, None] * valid) > 0.0).any(1).sum())
-    area = (area * _trust(np.minimum(samples.wi[:, 2], samples.wo[:, 2])))[:, None] * valid
+    area = area[:, None] * valid
     weights = _weights(area, area, values, cos_product[:, None], axes=(0,))
+    n = float((area > 0.0).any(1).sum())
     azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
     return Observations(
         half_diff.log_cos(theta_h),
@@ -213,12 +213,6 @@ def _of_samples(samples: Samples) -> Observations:
         np.where(valid, weights, 0.0)[:, None],
         max(min(EFFECTIVE, n), 1.0),
     )
-
-
-def _trust(least_cosine: Array) -> Array:
-    """How much a pair of directions counts by its smaller cosine."""
-    trust: Array = np.clip(least_cosine / GRAZING, 0.0, 1.0)
-    return trust
 
 
 def _cos_product(theta_h: Array, theta_d: Array, cos_2phi: Array) -> Array:
