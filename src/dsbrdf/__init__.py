@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dsbrdf.batch import Outcome, fit_many
     from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
     from dsbrdf.fitting.options import FitOptions
+    from dsbrdf.fitting.plan import plan
     from dsbrdf.geometry import half_diff
     from dsbrdf.measured import (
         MeasuredBRDF,
@@ -52,6 +53,7 @@ __all__ = [
     "hemi_epd",
     "load",
     "material",
+    "plan",
     "read",
     "read_merl",
     "read_samples",
@@ -77,6 +79,7 @@ _OWNERS = {
     "fit_many": "dsbrdf.batch",
     "load": "dsbrdf.model.file",
     "material": "dsbrdf.measured.built_in",
+    "plan": "dsbrdf.fitting.plan",
     "read": "dsbrdf.measured.read",
     "read_merl": "dsbrdf.measured",
     "read_samples": "dsbrdf.measured",

@@ -159,6 +159,16 @@ def test_far_moves_are_told(built):
 
 
 def test_a_space_that_is_not_there(run):
-    status, _, err = run("nearest", "material-0")
+    status, _, err = run("nearest", "material-0", "-s", "space.npz")
     assert status == 1
     assert "space.npz: there is no space yet. Make one with 'dsbrdf space build'." in err
+
+
+def test_where_none_was_built_it_is_that_of_the_library(run, tmp_path):
+    for arguments in ((), ("-s", "library")):
+        status, out, _ = run("nearest", "nickel", *arguments)
+        assert status == 0
+        assert out.split()[0:2] != []
+        assert "nickel" in out
+    assert run("blend", "nickel", "red-fabric", "-o", "half.json")[0] == 0
+    assert dsbrdf.load(tmp_path / "half.json").n_lobes == 5

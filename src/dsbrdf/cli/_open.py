@@ -1,4 +1,4 @@
-"""Models from what a command names: model files, measured files and built-in materials, which are fitted first."""
+"""Models from what a command names: model files, materials of the library, and measurements, which are fitted first."""
 
 from __future__ import annotations
 
@@ -29,15 +29,13 @@ def open_models(
     from dsbrdf import batch
     from dsbrdf.cli import _report as report
     from dsbrdf.fitting import fit
-    from dsbrdf.model import file as model_file
+    from dsbrdf.library import model_named, names
 
-    stored = [target.lower().endswith(".json") for target in targets]
-    with report.progress(len(targets), shown=not all(stored)) as step:
+    fitted = [not target.lower().endswith(".json") and target not in names() for target in targets]
+    with report.progress(len(targets), shown=any(fitted)) as step:
         begin = state.announce(step)
-        for target, is_model in zip(targets, stored, strict=True):
+        for target in targets:
             begin(Path(target).stem)
-            yield (
-                target,
-                model_file.load(target) if is_model else fit(batch.open_target(target, reading)).model,
-            )
+            model = model_named(target)
+            yield target, fit(batch.open_target(target, reading)).model if model is None else model
     state.begin("")

@@ -17,6 +17,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome
+    from dsbrdf.fitting.plan import Plan
     from dsbrdf.measured.databases import Database
     from dsbrdf.model.check import CheckReport
     from dsbrdf.render.picture import Row
@@ -30,6 +31,7 @@ __all__ = [
     "print_nearest",
     "print_outcomes",
     "print_pictures",
+    "print_plan",
     "print_space",
     "progress",
     "with_path",
@@ -227,3 +229,13 @@ def progress(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None
     with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
         task, done = bar.add_task("", total=total), itertools.count()
         yield lambda about: bar.update(task, description=about, completed=next(done))
+
+
+def print_plan(found: Plan) -> None:
+    """Print the pairs of a plan, and how uncertain reflectance is after each."""
+    table = _table("pair", "theta_i\ndegrees", "theta_o\ndegrees", "phi_o\ndegrees", "deviation\nof ln f")
+    table.add_row("", "", "", "", f"{found.deviation[0]:.2f}")
+    rows = zip(found.theta_i, found.theta_o, found.phi_o, found.deviation[1:], strict=True)
+    for i, (theta_i, theta_o, phi_o, deviation) in enumerate(rows, 1):
+        table.add_row(str(i), f"{theta_i:g}", f"{theta_o:g}", f"{phi_o:g}", f"{deviation:.2f}")
+    _console().print(table)

@@ -18,7 +18,7 @@ def check(
         list[str],
         typer.Argument(
             metavar="MODEL|FILE|NAME",
-            help="Model files, or what is fitted first: measured files, or names of built-in materials.",
+            help="Model files, names of the library, or what is fitted first: measured files, built-in materials.",
             show_default=False,
         ),
     ],

@@ -71,11 +71,11 @@ def fit(
         bool, typer.Option("--view", help="Write a web page that shows the models, beside them.")
     ] = False,
     prior: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            metavar="SPACE",
-            help="The most probable material of a space, given the data: for few samples. "
-            "SPACE is a file of 'dsbrdf space build'.",
+            metavar="library|SPACE",
+            help="What materials are like, for few samples: those of the built-in library, or of a file of "
+            "'dsbrdf space build'.",
             show_default=False,
         ),
     ] = None,
@@ -119,9 +119,9 @@ def fit(
                 "the space decides on lobes and curves: leave out --lobes and --curves.",
                 param_hint="'--prior'",
             )
-        from dsbrdf.space import load_space
+        from dsbrdf.space import builtin, load_space
 
-        options["prior"] = load_space(prior)
+        options["prior"] = builtin() if prior == "library" else load_space(prior)
     state: State = context.obj
     targets, failures = batch.expand(files, strict=state.debug)
     is_batch = len(files) > 1 or targets != files

@@ -27,7 +27,7 @@ def info(
         str,
         typer.Argument(
             metavar="MODEL|FILE|NAME",
-            help="A model file, or what is fitted first: a measured file, or the name of a built-in material.",
+            help="A model file, a name of the library, or what is fitted first: a measured file, a built-in material.",
             show_default=False,
         ),
     ],

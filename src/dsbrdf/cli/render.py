@@ -26,7 +26,7 @@ def render(
         list[str],
         typer.Argument(
             metavar="MODEL|FILE|NAME",
-            help="Model files, measured files or names of built-in materials; each is a row.",
+            help="Model files, measured files, or names of the library or of built-in materials; each is a row.",
             show_default=False,
         ),
     ],

@@ -18,13 +18,21 @@ space = typer.Typer(no_args_is_help=True, help="The space of materials: build, s
 app.add_typer(space, name="space")
 
 SpaceFile = Annotated[
-    Path, typer.Option("--space", "-s", metavar="SPACE", help="A file that 'dsbrdf space build' wrote.")
+    str | None,
+    typer.Option(
+        "--space",
+        "-s",
+        metavar="library|SPACE",
+        help="That of the built-in library, or a file that 'dsbrdf space build' wrote.",
+        show_default="space.npz, or library where there is none",
+    ),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", metavar="FILE", help="Model file to write; default: NAME.json.")
 ]
 MATERIAL = "A model file, or the name of a material of the space."
 DEFAULT = Path("space.npz")
+LIBRARY = "library"
 #: Standard deviations beyond which there are no materials.
 FAR = 4.0
 
@@ -79,7 +87,7 @@ def build(
 
 @space.command()
 def plot(
-    path: SpaceFile = DEFAULT,
+    path: SpaceFile = None,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the figures.")] = Path(
         "dsbrdf-space"
     ),
@@ -101,7 +109,7 @@ def plot(
 @space.command()
 def nearest(
     model: Annotated[str, typer.Argument(metavar="MODEL", help=MATERIAL)],
-    path: SpaceFile = DEFAULT,
+    path: SpaceFile = None,
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 5,
 ) -> None:
     """Print the materials of a space that are nearest to a model."""
@@ -115,7 +123,7 @@ def nearest(
 def blend(
     a: Annotated[str, typer.Argument(metavar="A", help=MATERIAL)],
     b: Annotated[str, typer.Argument(metavar="B", help=MATERIAL)],
-    path: SpaceFile = DEFAULT,
+    path: SpaceFile = None,
     t: Annotated[float, typer.Option(help="Share of B, 0 to 1.")] = 0.5,
     out: Out = None,
 ) -> None:
@@ -127,7 +135,7 @@ def blend(
 @space.command()
 def move(
     model: Annotated[str, typer.Argument(metavar="MODEL", help=MATERIAL)],
-    path: SpaceFile = DEFAULT,
+    path: SpaceFile = None,
     axis: Annotated[int, typer.Option(help="Principal function, from 1.")] = 1,
     by: Annotated[float, typer.Option(help="Standard deviations; negative for the other way.")] = 1.0,
     out: Out = None,
@@ -143,7 +151,7 @@ def move(
 
 @space.command()
 def draw(
-    path: SpaceFile = DEFAULT,
+    path: SpaceFile = None,
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same materials.")] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the models.")] = Path(),
@@ -183,10 +191,13 @@ def _is_model(name: str) -> bool:
     return Path(name).suffix.lower() == ".json"
 
 
-def _load(path: Path) -> MaterialSpace:
-    from dsbrdf.space import load_space
+def _load(path: str | None) -> MaterialSpace:
+    from dsbrdf.space import builtin, load_space
 
-    if not path.exists():
+    path = path or (str(DEFAULT) if DEFAULT.exists() else LIBRARY)
+    if path == LIBRARY:
+        return builtin()
+    if not Path(path).exists():
         raise FileNotFoundError(f"{path}: there is no space yet. Make one with 'dsbrdf space build'.")
     return load_space(path)
 

@@ -17,7 +17,7 @@ def view(
         list[str],
         typer.Argument(
             metavar="MODEL",
-            help="Model files, folders of them, or what fit takes, which is then fitted.",
+            help="Model files, folders of them, names of the library, or what fit takes, which is then fitted.",
             show_default=False,
         ),
     ],

@@ -256,7 +256,6 @@ def _prior(
     if prior is None:
         return None
     from dsbrdf.space import Gaussian, builtin
-    from dsbrdf.space.process import Positions
 
     if isinstance(prior, str):
         if prior != LIBRARY:
@@ -276,11 +275,20 @@ def _prior(
         )
     if isinstance(prior, Gaussian):
         return prior
-    n_nodes = observations.azimuth.shape[1]
+    return expectation(prior, measured, observations)
+
+
+def expectation(
+    space: MaterialSpace, measured: MeasuredBRDF | Samples, observations: Observations
+) -> Expectation:
+    """What a space expects of a material that was measured."""
+    from dsbrdf.space.process import Positions
+
+    n_channels, n_nodes = observations.n_channels, observations.azimuth.shape[1]
     weights = (observations.weights > 0.0).astype(np.float64)
     if isinstance(measured, Samples) and measured.weights is not None:
         weights *= measured.weights[:, None, None]
-    return prior.process.given(
+    return space.process.given(
         Positions(
             np.repeat(observations.log_cos, n_nodes),
             np.repeat(observations.x, n_nodes),

@@ -9,9 +9,20 @@ from functools import cache
 from pathlib import Path
 
 from dsbrdf.library.file import SUFFIX, Library, LibraryFormatError, open, write
+from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["SUFFIX", "Library", "LibraryFormatError", "builtin", "load", "names", "open", "write"]
+__all__ = [
+    "SUFFIX",
+    "Library",
+    "LibraryFormatError",
+    "builtin",
+    "load",
+    "model_named",
+    "names",
+    "open",
+    "write",
+]
 
 
 @cache
@@ -47,3 +58,22 @@ def load(name: str) -> DSBRDF:
     ('r', 'g', 'b')
     """
     return builtin().load(name)
+
+
+def model_named(target: str | Path) -> DSBRDF | None:
+    """The model that a word of the command line stands for, None if it has to be measured or fitted first.
+
+    A file comes first: a model file (.json) is read, any other file holds no model. Where there is no file of this
+    name, a material of the built-in library may have it.
+
+    Raises
+    ------
+    ValueError
+        If a model file is not sound.
+    OSError
+        If it cannot be read.
+    """
+    path = Path(target)
+    if path.suffix.lower() == ".json":
+        return model_file.load(path)
+    return load(str(target)) if not path.exists() and str(target) in names() else None

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from dsbrdf import baselines, batch
 from dsbrdf.fitting import ConvergenceWarning, fit
+from dsbrdf.library import model_named
 from dsbrdf.measured.table import MeasuredBRDF
-from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.render import picture, quality
 from dsbrdf.render.picture import Row, Tile
@@ -47,7 +47,7 @@ class Subject:
 
 
 def open_subjects(target: str, *, loss: str, lobes: bool, compare: bool) -> tuple[str, list[Subject]]:
-    """Name and subjects of a model file, a measured file or a built-in material.
+    """Name and subjects of a model file, a material of the library, a measured file or a built-in material.
 
     Raises
     ------
@@ -56,8 +56,8 @@ def open_subjects(target: str, *, loss: str, lobes: bool, compare: bool) -> tupl
     OSError
         If the file cannot be read.
     """
-    if Path(target).suffix.lower() == ".json":
-        model = model_file.load(target)
+    model = model_named(target)
+    if model is not None:
         check_channels(model, target)
         return model.name or Path(target).stem, model_subjects(model, lobes=lobes)
     measured = batch.open_target(target)

@@ -214,6 +214,12 @@ class Process:
         coefficients = left @ (share * along / np.maximum(singular, 1e-300))
         return Expectation(self, coefficients, left, share, scale, noise)
 
+    @property
+    def unmeasured(self) -> Expectation:
+        """What is expected of a material of which nothing is known."""
+        nothing = np.empty((self.n_materials, 0))
+        return Expectation(self, np.zeros(self.n_materials), nothing, np.empty(0), 1.0, NOISE)
+
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
@@ -262,6 +268,13 @@ class Expectation:
         along = np.tensordot(self.decided.T, added, 1)
         kept = (1.0 - np.sqrt(np.maximum(1.0 - self.share, 0.0)))[:, None, None]
         return np.asarray(self.scale * (added - np.tensordot(self.decided, kept * along, 1)))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (material, material) of the coefficients."""
+        known = self.decided * self.share
+        covariance: Array = self.scale**2 * (np.eye(len(self.coefficients)) - known @ self.decided.T)
+        return covariance
 
     def deviation(self, at: tuple[Array, Array]) -> Array:
         """Standard deviation (n, channel) of a value, on the scale of the process, what no material does included."""

@@ -1,4 +1,4 @@
-"""Models from what the command line names: model files, folders of them, measured files, built-in materials."""
+"""Models from what the command line names: model files, folders of them, names, measured files."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dsbrdf import batch
 from dsbrdf.fitting import fit
+from dsbrdf.library import model_named
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.view.page import view
@@ -46,7 +47,7 @@ def expand(targets: Sequence[str | Path]) -> list[str]:
 
 
 def open_model(target: str, begin: Callable[[str], None] = lambda _: None) -> DSBRDF:
-    """The model in a file; a measured file or a built-in material is fitted first.
+    """The model in a file or in the built-in library; a measured file or a built-in material is fitted first.
 
     Raises
     ------
@@ -56,9 +57,8 @@ def open_model(target: str, begin: Callable[[str], None] = lambda _: None) -> DS
         If the file cannot be read.
     """
     begin(Path(target).stem)
-    if Path(target).suffix.lower() == ".json":
-        return model_file.load(target)
-    return fit(batch.open_target(target)).model
+    model = model_named(target)
+    return fit(batch.open_target(target)).model if model is None else model
 
 
 def view_files(paths: Sequence[Path], folder: Path) -> Path:
