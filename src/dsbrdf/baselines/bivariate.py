@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf._brief import Brief
 from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
@@ -20,8 +21,8 @@ from dsbrdf.measured.table import MeasuredBRDF
 __all__ = ["Bivariate", "bilinear", "blend", "fill_gaps", "fit_bivariate"]
 
 
-@dataclass(frozen=True, eq=False)
-class Bivariate(AbstractBaseline):
+@dataclass(frozen=True, eq=False, repr=False)
+class Bivariate(Brief, AbstractBaseline):
     """A table over theta_h and theta_d, interpolated bilinearly in the root of theta_h and in theta_d.
 
     Parameters

@@ -63,6 +63,9 @@ class Coverage:
             tuple(int(channel) for channel in empty),
         )
 
+    def __repr__(self) -> str:
+        return f"Coverage({self.n_values:,} positions, {self.sentence or 'all angles covered'})"
+
     @property
     def sentence(self) -> str:
         """What is not covered, in a line; empty if all is."""

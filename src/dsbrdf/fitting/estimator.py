@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf._brief import Brief
 from dsbrdf.fitting import energy
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.options import AUTO, FitOptions
@@ -45,8 +46,8 @@ SUPPORT = 100.0
 MAX_GROWN_CHANNELS = 3
 
 
-@dataclass(frozen=True)
-class _Options:
+@dataclass(frozen=True, repr=False)
+class _Options(Brief):
     """What the kernel takes."""
 
     sizes: tuple[int, ...]
@@ -56,8 +57,8 @@ class _Options:
     n_effective: float
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Brief):
     """Lobes that were found.
 
     Parameters

@@ -71,6 +71,11 @@ class FitErrors:
         """All by name."""
         return asdict(self)
 
+    def __repr__(self) -> str:
+        floors = {"bivariate floor": self.bivariate_floor, "azimuthal floor": self.azimuthal_floor}
+        told = [f"{name} {value:.3f}" for name, value in floors.items() if np.isfinite(value)]
+        return f"FitErrors({', '.join([str(self), *told])})"
+
     def __str__(self) -> str:
         parts = [f"rel {self.rel:.3f}", f"cbrt {self.cbrt:.3f}", f"log {self.log:.3f}"]
         if np.isfinite(self.albedo):

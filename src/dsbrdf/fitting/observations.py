@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf._brief import Brief
 from dsbrdf.fitting import energy
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.samples import Samples
@@ -46,8 +47,8 @@ MAX_SWING = 0.9
 EFFECTIVE = 2000.0
 
 
-@dataclass(frozen=True, eq=False)
-class Observations:
+@dataclass(frozen=True, eq=False, repr=False)
+class Observations(Brief):
     """Values at positions, a few azimuths each.
 
     Parameters

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 from dsbrdf.fitting.estimator import PENALTY, Estimate, unknowns_of, with_support
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.geometry import half_diff
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 
 #: Most unknowns that a dense covariance is made of.
 MAX_UNKNOWNS = 3000
+#: Most angles of the text of `StandardErrors`.
+MAX_ROWS = 12
 #: Positions handled together.
 CHUNK = 1000
 #: Differences of logarithms above this count linearly in the gamma deviance; as in the kernel.
@@ -43,7 +46,7 @@ LEAST_SHARE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class StandardErrors:
-    """Standard errors of the curves at some theta_d.
+    """Standard errors of the curves at some theta_d; its text is a table of them.
 
     Parameters
     ----------
@@ -58,9 +61,29 @@ class StandardErrors:
     beta: Array
     falloff: Array
 
+    def __repr__(self) -> str:
+        kappa, gamma = 100.0 * self.ln_kappa.max(1), 100.0 * self.ln_gamma
+        cells = [["theta_d", *(f"lobe {k}" for k in range(gamma.shape[1]))]]
+        n_rows = min(len(gamma), MAX_ROWS)
+        for i in np.unique(np.linspace(0, len(gamma) - 1, n_rows).round().astype(int)):
+            errors = zip(kappa[i], gamma[i], self.beta[i], strict=True)
+            shown = [
+                f"{_percent(ln_kappa)} {_percent(ln_gamma)} {beta:6.2g}"
+                for ln_kappa, ln_gamma, beta in errors
+            ]
+            cells.append([f"{np.rad2deg(self.theta_d[i]):.0f}", *shown])
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        rows = ["   ".join(map(str.rjust, row, widths)) for row in cells]
+        title = "Standard errors of kappa (%, of the least certain channel), gamma (%) and beta"
+        return "\n".join([title, *rows])
 
-@dataclass(frozen=True, eq=False)
-class Posterior:
+
+def _percent(value: float) -> str:
+    return f"{value:4.2g}" if value < 99.5 else ">100"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Posterior(Brief):
     """Covariance of the unknowns at the solution.
 
     Parameters

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf._brief import Brief
 from dsbrdf.fitting import uncertainty
 from dsbrdf.fitting.coverage import Coverage
 from dsbrdf.images import coverage, linear, search
@@ -44,8 +45,8 @@ class PictureWarning(UserWarning):
     """A picture does not hold what it should, or the model does not explain it."""
 
 
-@dataclass(frozen=True, eq=False)
-class ImageFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImageFit(Brief):
     """A reflectance found in pictures.
 
     Parameters

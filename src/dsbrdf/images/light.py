@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 from dsbrdf.geometry import panorama
 from dsbrdf.measured.formats import image_file
 
@@ -24,8 +25,8 @@ EVERYWHERE = 128
 SHARE = 1.0 / 4096.0
 
 
-@dataclass(frozen=True, eq=False)
-class Light:
+@dataclass(frozen=True, eq=False, repr=False)
+class Light(Brief):
     """Distant light: directions with an irradiance, in trees.
 
     Made by `from_map` or `distant`. The frame is that of `dsbrdf.geometry.panorama`.

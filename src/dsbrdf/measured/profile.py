@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf._brief import Brief
+
 __all__ = ["MeasuredProfile", "amplitude", "ratio"]
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredProfile:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredProfile(Brief):
     """What was fitted, for plots beside a model; the samples themselves are not kept.
 
     Parameters

@@ -75,6 +75,10 @@ class CheckReport:
         """Whether nothing is wrong."""
         return not self.problems
 
+    def __repr__(self) -> str:
+        found = "ok" if self.ok else "; ".join(self.problems)
+        return f"CheckReport({self.name!r}, albedo up to {self.albedo.max():.3f}, {found})"
+
     def summary(self) -> dict[str, Any]:
         """Everything, ready for JSON; angles in radians."""
         arrays = ("theta_i", "albedo", "theta_o", "p_value", "weight_std", "cosine_std")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 
 __all__ = ["FALLOFF", "MAX_BETA", "MAX_LN_KAPPA", "Lobes", "Parameters", "curve_design", "curve_places"]
 
@@ -44,8 +45,8 @@ class Parameters(NamedTuple):
     falloff: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Lobes:
+@dataclass(frozen=True, eq=False, repr=False)
+class Lobes(Brief):
     """Coefficients of the curves of a model's lobes.
 
     The reflectance is, with x = cos(theta_d) and g of `dsbrdf.half_diff.azimuthal_factor`,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 from dsbrdf.measured.profile import amplitude, ratio
 from dsbrdf.measured.table import MeasuredBRDF
 
@@ -32,8 +33,8 @@ MIN_THETA_H = float(np.deg2rad(1.0))
 MOMENTS = ("count", "sum f", "sum f^2", "sum c", "sum c^2", "sum f c")
 
 
-@dataclass(frozen=True, eq=False)
-class SliceProfile:
+@dataclass(frozen=True, eq=False, repr=False)
+class SliceProfile(Brief):
     """Moments over phi_d of a slice, with `c = cos(2 phi_d)`.
 
     Parameters

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 from dsbrdf.geometry import half_diff
 from dsbrdf.geometry.grids import SHAPE, cell_angles
 
@@ -121,8 +122,8 @@ class CurveBasis:
         return theta_d if self.variable == "theta_d" else 1.0 - np.cos(theta_d)
 
 
-@dataclass(frozen=True, eq=False)
-class Curves:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curves(Brief):
     """Parameters of lobes as splines over theta_d.
 
     Parameters

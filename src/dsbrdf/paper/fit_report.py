@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from dsbrdf._brief import Brief
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper import metrics
 from dsbrdf.paper.collapse import SliceProfile, slice_rows, stack_profiles
@@ -17,8 +18,8 @@ from dsbrdf.paper.slices import Slices
 __all__ = ["SliceFit"]
 
 
-@dataclass(frozen=True, eq=False)
-class SliceFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class SliceFit(Brief):
     """A model of slices, how good it is and how it came about.
 
     Parameters

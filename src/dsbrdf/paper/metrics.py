@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf._brief import Brief
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.paper.collapse import SliceProfile, slice_mask, stack_profiles
@@ -27,8 +28,8 @@ __all__ = ["LOG_OFFSET", "FitErrors", "fit_errors", "log_rms", "profile_model"]
 LOG_OFFSET = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class FitErrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitErrors(Brief):
     """Sums of squares of a fit over all samples, (theta_d, channel) each, and their relative RMS.
 
     Parameters

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf._brief import Brief
 from dsbrdf.geometry import half_diff
 from dsbrdf.paper import metrics, williams
 from dsbrdf.paper.collapse import SliceProfile, stack_profiles
@@ -35,8 +36,8 @@ MIN_BLOCKS = 6
 CRITERIA = ("williams", "bic", "held-out")
 
 
-@dataclass(frozen=True, eq=False)
-class LobeSelection:
+@dataclass(frozen=True, eq=False, repr=False)
+class LobeSelection(Brief):
     """The number of lobes and why.
 
     Parameters

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _check
+from dsbrdf._brief import Brief
 
 __all__ = ["Fpca", "fit_fpca"]
 
@@ -22,8 +23,8 @@ Array = NDArray[np.float64]
 LEAST_VARIANCE = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class Fpca:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fpca(Brief):
     """Mean and principal functions of rows of coefficients.
 
     Parameters

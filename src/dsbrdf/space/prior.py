@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf._brief import Brief
 from dsbrdf.space.variables import Sizes
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ KEPT_SHARE = 0.9
 LEAST_DEVIATION, LEAST_SHARE = 0.03, 0.03
 
 
-@dataclass(frozen=True, eq=False)
-class Gaussian:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gaussian(Brief):
     """What materials are like, as the estimator takes it.
 
     Parameters

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf._brief import Brief
 from dsbrdf.geometry import half_diff
 from dsbrdf.model.lobes import MAX_LN_KAPPA, curve_design
 
@@ -111,8 +112,8 @@ def support() -> tuple[Positions, Array]:
     return Positions.of_angles(h, d, p), 0.5 * area / area.sum() + 0.5 / len(h)
 
 
-@dataclass(frozen=True, eq=False)
-class Process:
+@dataclass(frozen=True, eq=False, repr=False)
+class Process(Brief):
     """The materials of a space as a Gaussian process.
 
     Parameters
@@ -221,8 +222,8 @@ class Process:
         return Expectation(self, np.zeros(self.n_materials), nothing, np.empty(0), 1.0, NOISE)
 
 
-@dataclass(frozen=True, eq=False)
-class Expectation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Expectation(Brief):
     """What a space expects of a material, given values of it.
 
     Parameters
