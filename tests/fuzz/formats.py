@@ -1,6 +1,7 @@
 """Small valid files of every format, and what a reader may make of a file: for the fuzz tests and the long run."""
 
 import io
+import json
 import struct
 import tempfile
 import warnings
@@ -23,6 +24,93 @@ MERL_BYTES = 12 + 3 * 90 * 90 * 180 * 8
 
 def text_file():
     return b"theta_i_deg,theta_o_deg,phi_o_deg,r,g,b\n10,20,180,1,2,3\n-5.5,60,1e1,0.5,nan,1e-3\n"
+
+
+SHEET = """Instrument;GX-1
+% exported °
+theta_i [°];theta_r [°];phi_r [°];wavelength;BRDF;u_BRDF
+deg;deg;deg;nm;1/sr;1/sr
+30;45;180;450;0,2;0,01
+30;45;180;650;"0,3";0,01
+30;-5,5;0;450;NA;1.#QNAN
+60;0;0;650;1,0D-01;0,01
+
+Ende der Messung
+"""
+BIRD = {
+    "metadata": {"type": "measured"},
+    "data": {
+        "theta_i": {"unit": "deg", "values": [30, 30]},
+        "phi_i": {"unit": "deg", "values": [0, 0]},
+        "theta_r": {"unit": "rad", "values": [0.5, 0.1]},
+        "phi_r": {"unit": "deg", "values": [180, 0]},
+        "BRDF": {"unit": "sr^-1", "values": [1.2, 0.2], "uncertainty": {"value": 5, "unit": "%"}},
+        "wavelength_i": {"unit": "nm", "values": [650, 450]},
+        "polarization_i": {"values": ["u", "u"]},
+    },
+}
+ZEMAX = """Source Measured
+Symmetry PlaneSymmetrical
+SpectralContent Monochrome
+ScatterType BRDF
+SampleRotation 1
+0
+AngleOfIncidence 2
+0 30
+ScatterAzimuth 2
+0 180
+ScatterRadial 2
+0 30
+Monochrome
+DataBegin
+TIS 0.5
+1 2
+1 2
+TIS 0.4
+9 4
+9 6
+DataEnd
+"""
+SSDD = """VERSION 0.2
+DATA_TYPE brdf
+COLOR_MODEL rgb
+PARAM_TYPE half_difference_coordinate_system
+PARAM0_LIST 0 10
+PARAM2_LIST 30
+PARAM3_LIST 0
+DATA ascii
+1 1 1
+2 2 2
+"""
+DDR = """;; by hand
+TypeSym ASymmetrical
+TypeData Luminance Absolute
+sigma 1
+30
+phi 1
+0
+theta 2
+0 30
+bw
+kbdf
+0.5
+def
+2 4
+"""
+
+
+def alta_binary():
+    head = "#DIM 3 1\n#PARAM_IN RUSIN_TH_TD_PD\n#PARAM_OUT INV_STERADIAN\n"
+    head += "#FORMAT binary\n#SAMPLE_COUNT 2\n#BEGIN_STREAM\n"
+    return head.encode() + np.linspace(0.1, 0.8, 8).astype("<f8").tobytes() + b"\n#END_STREAM\n"
+
+
+def matlab():
+    from scipy.io import savemat
+
+    file = io.BytesIO()
+    savemat(file, {"theta_i_deg": [30.0, 30.0], "theta_o_deg": [-30.0, 0.0], "brdf": [1.2, 0.2]})
+    return file.getvalue()
 
 
 def _npz(**arrays):
@@ -105,6 +193,18 @@ VALID = {
     "merl": lambda: struct.pack("<3i", 90, 90, 180) + np.full(100, 0.5).tobytes(),
     "rgl": rgl,
     "text": text_file,
+    "sheet": lambda: SHEET.encode("latin-1"),
+    "sheet utf-16": lambda: SHEET.encode("utf-16"),
+    "bird": lambda: json.dumps(BIRD).encode(),
+    "zemax": lambda: ZEMAX.encode(),
+    "ssdd": lambda: SSDD.encode(),
+    "ddr": lambda: DDR.encode(),
+    "alta": lambda: (
+        b"#DIM 3 1\n#PARAM_IN RUSIN_TH_TD_PD\n#PARAM_OUT INV_STERADIAN\n0.1 0.2 0.3 1\n0.5 0.4 2 4\n"
+    ),
+    "alta binary": alta_binary,
+    "pbrt": lambda: b"# plate\n2\n450 650\n0.5 0 0.5 3.14 1 2\n0.5 0 0.1 0 0.3 0.2\n",
+    "matlab": matlab,
     "npz samples": npz_samples,
     "npz table": npz_table,
     "npy": npy_array,
@@ -158,6 +258,6 @@ def sound(kind, path):
             assert np.isfinite(content.wi).all()
             assert np.isfinite(content.wo).all()
         values = content.values if isinstance(content, Samples) else content.rows([0])
-        assert not (values < 0.0).any()
+        assert not (values < 0.0).any() or (isinstance(content, Samples) and content.weights is not None)
         assert not np.isinf(values).any()
     return True

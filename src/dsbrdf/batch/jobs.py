@@ -145,21 +145,11 @@ def _is_same(measured: MeasuredBRDF | Samples, source: Mapping[str, Any], known:
 
 
 def _figures(result: Fit) -> dict[str, bytes]:
-    if isinstance(result.measured, Samples):
-        warnings.warn(
-            f"{result.model.name}: no figures: they show a measured table, and these are {len(result.measured)} "
-            "scattered samples. See the model with 'dsbrdf view'.",
-            UserWarning,
-            stacklevel=2,
-        )
-        return {}
     from dsbrdf import plot
 
     drawn = {}
     with _drawing, tempfile.TemporaryDirectory() as folder:
-        for ending, figure in zip(
-            FIGURES, (plot.fit_figure(result), plot.parameter_figure(result.model)), strict=True
-        ):
+        for ending, figure in zip(FIGURES, (result.plot(), plot.parameter_figure(result.model)), strict=True):
             path = Path(folder, f"figure{ending}.png")
             plot.write_figure(figure, path)
             drawn[ending] = path.read_bytes()

@@ -125,13 +125,14 @@ KEYS = ("rel", "cbrt", "log", "albedo", "bivariate_floor")
 
 
 def _remarks(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What a table of fits does not say: what is not covered, and which channels were read if they are not r, g, b."""
+    """What a table of fits does not say: what was read, of samples or if it is not r, g, b, and what is not covered."""
     lines = []
     for row in summaries:
         channels = list(row.get("channels", ()))
-        if channels not in (["r", "g", "b"], []):
+        if "remarks" in row or channels not in (["r", "g", "b"], []):
             shown = ", ".join(channels[:8]) + (f", ... {len(channels)} in all" if len(channels) > 8 else "")
             lines.append(f"{row['name']}: channels {shown}.")
+        lines += [f"{row['name']}: {remark}." for remark in row.get("remarks", ())]
         if row.get("coverage"):
             lines.append(f"{row['name']}: {row['coverage']}.")
     return lines

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,6 +14,7 @@ from dsbrdf.cli._app import State, app
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
+    from dsbrdf.measured import MeasuredBRDF, Samples
     from dsbrdf.model.dsbrdf import DSBRDF
 
 #: Channels whose colours and albedos are told; of more, so many from the first to the last.
@@ -31,15 +35,92 @@ def info(
             show_default=False,
         ),
     ],
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Also draw a measured file.", show_default=False),
+    ] = None,
     *,
     reading: Any,
 ) -> None:
-    """Print what a model holds."""
+    """Print what a measured file holds, and what a model or a fit of it does."""
     from dsbrdf.cli._open import open_models
 
     state: State = context.obj
-    for _, found in open_models([model], state, reading):
-        print_model(found)
+    if Path(model).exists() and not model.lower().endswith(".json"):
+        state.begin(model)
+        print_measured(Path(model), reading, plot)
+        state.begin("")
+    elif plot is not None:
+        raise typer.BadParameter("draws measured files; 'dsbrdf view' shows a model.", param_hint="'--plot'")
+    with warnings.catch_warnings():
+        if plot is not None or Path(model).exists():
+            # Said above
+            warnings.simplefilter("ignore", UserWarning)
+        for _, found in open_models([model], state, reading):
+            print_model(found)
+
+
+def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None = None) -> None:
+    """Print what a measured file holds, and draw it if a figure is wanted."""
+    from rich.table import Table
+
+    from dsbrdf.cli._app import check_output, missing_plots
+    from dsbrdf.cli._report import _console
+    from dsbrdf.measured import Samples, read
+    from dsbrdf.measured.read import format_of
+
+    if figure is not None:
+        check_output(figure, [path])
+        if missing := missing_plots():
+            raise ModuleNotFoundError(missing)
+    measured = read(path, **reading)
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column()
+    table.add_column(overflow="fold")
+    table.add_row("file", str(path))
+    table.add_row("format", "neural BRDF (.npy)" if path.is_dir() else format_of(path).name)
+    holds = f"{len(measured)} pairs of directions" if isinstance(measured, Samples) else repr(measured)
+    table.add_row("holds", holds)
+    names = measured.channels or [str(i + 1) for i in range(measured.n_channels)]
+    table.add_row("channels", f"{measured.n_channels}: {', '.join(map(str, _some(names)))}")
+    for name, low, high in _ranges(measured):
+        table.add_row(name, f"{low:.4g} to {high:.4g}")
+    if isinstance(measured, Samples) and measured.weights is not None:
+        table.add_row("weights", "yes")
+    for remark in getattr(measured, "remarks", ()):
+        table.add_row("", f"{remark}.")
+    console = _console()
+    console.print(table)
+    console.print()
+    if figure is not None:
+        from dsbrdf import plot
+
+        if not isinstance(measured, Samples):
+            raise ValueError(f"{path}: a table; 'dsbrdf fit --plot' draws it with its fit.")
+        plot.write_figure(plot.samples_figure(measured), figure)
+        typer.echo(figure)
+
+
+def _ranges(measured: Samples | MeasuredBRDF) -> list[tuple[str, float, float]]:
+    """Names, least and greatest of the angles in degrees, and of the values."""
+    import numpy as np
+
+    from dsbrdf.geometry import half_diff
+    from dsbrdf.measured import Samples
+
+    if isinstance(measured, Samples):
+        h, d, _ = half_diff.from_directions(measured.wi, measured.wo)
+        i, o = (np.arctan2(np.hypot(w[:, 0], w[:, 1]), w[:, 2]) for w in (measured.wi, measured.wo))
+        angles = {"theta_i": i, "theta_o": o, "theta_h": h, "theta_d": d}
+    else:
+        seen = np.asarray(measured.valid.any((2, 3)))
+        angles = {
+            "theta_h": measured.theta_h[seen.any(axis=1)],
+            "theta_d": measured.theta_d[seen.any(axis=0)],
+        }
+    found = [(f"{n}, degrees", *np.rad2deg([a.min(), a.max()]).tolist()) for n, a in angles.items() if len(a)]
+    values = measured.values[np.isfinite(measured.values)]
+    return [*found, ("values, 1/sr", float(values.min()), float(values.max()))] if values.size else found
 
 
 def print_model(model: DSBRDF) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dsbrdf.cli._app import State, app
+from dsbrdf.cli._reading import takes_reading
 
 
 @app.command()
+@takes_reading
 def view(
     context: typer.Context,
     models: Annotated[
@@ -27,6 +29,8 @@ def view(
         typer.Option("--space", metavar="FILE", help="Lay the materials out in this space."),
     ] = None,
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    *,
+    reading: Any,
 ) -> None:
     """Write a web page that shows models; it opens from disk."""
     from dsbrdf.cli import _report as report
@@ -42,7 +46,7 @@ def view(
     targets = collect.expand(models)
     with report.progress(len(targets)) as step:
         begin = state.announce(step)
-        opened = [collect.open_model(target, begin) for target in targets]
+        opened = [collect.open_model(target, begin, reading) for target in targets]
     state.begin("")
     write_page(opened, out, space=laid_out)
     typer.echo(out)

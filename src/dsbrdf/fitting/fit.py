@@ -22,6 +22,8 @@ from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from dsbrdf.space import Gaussian, MaterialSpace
     from dsbrdf.space.process import Expectation
 
@@ -127,6 +129,22 @@ class Fit:
             raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
         return uncertainty.band(np.asarray(self.model.eval(wi, wo)), self.posterior.deviation(wi, wo), level)
 
+    def plot(self) -> Figure:
+        """Figure of measurement and model: a table's rows, or the scans of scattered samples and what is off.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+        """
+        from dsbrdf import plot
+
+        return plot.sample_fit_figure(self) if isinstance(self.measured, Samples) else plot.fit_figure(self)
+
     def summary(self) -> dict[str, Any]:
         """Numbers that tell how good the fit is, ready for JSON."""
         return {
@@ -139,6 +157,7 @@ class Fit:
             "converged": self.converged,
             "objective": self.objective,
             "coverage": self.coverage.sentence,
+            **({"remarks": list(self.measured.remarks)} if isinstance(self.measured, Samples) else {}),
             "seconds": self.seconds,
         }
 

@@ -2,7 +2,7 @@
 
 Every function returns a `matplotlib.figure.Figure`; `write_figure` writes one. Read `style` first, which holds the
 colours and the style that all figures share, then `model`: measured points against fitted curves, lobes, parameters,
-and spheres.
+and spheres; `samples` shows scattered samples and fits of them.
 """
 
 try:
@@ -14,6 +14,7 @@ except ModuleNotFoundError as error:
 
 from dsbrdf.plot import model
 from dsbrdf.plot.model import EXPOSURE, demo_figure, fit_figure, incident_plane, parameter_figure
+from dsbrdf.plot.samples import sample_fit_figure, samples_figure
 from dsbrdf.plot.style import (
     CHANNEL_COLOURS,
     DPI,
@@ -43,5 +44,7 @@ __all__ = [
     "incident_plane",
     "model",
     "parameter_figure",
+    "sample_fit_figure",
+    "samples_figure",
     "write_figure",
 ]

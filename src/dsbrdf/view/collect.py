@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from dsbrdf import batch
 from dsbrdf.fitting import fit
@@ -46,8 +47,11 @@ def expand(targets: Sequence[str | Path]) -> list[str]:
     return expanded
 
 
-def open_model(target: str, begin: Callable[[str], None] = lambda _: None) -> DSBRDF:
-    """The model in a file or in the built-in library; a measured file or a built-in material is fitted first.
+def open_model(
+    target: str, begin: Callable[[str], None] = lambda _: None, reading: Mapping[str, Any] | None = None
+) -> DSBRDF:
+    """The model in a file or in the built-in library; a measured file, read with these options, or a built-in material is
+    fitted first.
 
     Raises
     ------
@@ -58,7 +62,7 @@ def open_model(target: str, begin: Callable[[str], None] = lambda _: None) -> DS
     """
     begin(Path(target).stem)
     model = model_named(target)
-    return fit(batch.open_target(target)).model if model is None else model
+    return fit(batch.open_target(target, reading)).model if model is None else model
 
 
 def view_files(paths: Sequence[Path], folder: Path) -> Path:

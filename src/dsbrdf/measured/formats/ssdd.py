@@ -53,9 +53,9 @@ def read_ssdd(path: str | Path, options: ReadOptions | None = None) -> Samples:
         if not meta:
             raise ValueError(f"{path}: no BRDF in it, but {', '.join(others) or 'nothing'}.")
         values, at = _values(content, at, meta, path)
-        if meta["DATA_TYPE"] == "brdf":
+        if meta.get("DATA_TYPE") == "brdf":
             break
-        others.append(meta["DATA_TYPE"])
+        others.append(meta.get("DATA_TYPE", "data of no type"))
     remarks = [f"SSDD, {meta.get('PARAM_TYPE', 'no parameters')}"]
     if others:
         remarks.append(f"{', '.join(others)} left out")
