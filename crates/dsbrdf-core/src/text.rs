@@ -19,9 +19,6 @@ const MAX_CELL: usize = 64;
 /// Numbers (line, used column) of whole lines, an empty cell as NaN; None if a line is anything but cells of
 /// numbers, so that whoever called must look closer.
 pub fn plain_numbers(block: &[u8], layout: &Layout<'_>) -> Option<Vec<f64>> {
-    if block.contains(&b'"') {
-        return None;
-    }
     let mut numbers = Vec::with_capacity(block.len() / 8);
     let mut rest = block.trim_ascii_end();
     while !rest.is_empty() {
@@ -50,10 +47,18 @@ fn row<'a>(cells: impl Iterator<Item = &'a [u8]>, layout: &Layout<'_>, numbers: 
     for (index, cell) in cells.enumerate() {
         count += 1;
         if wanted.next_if(|&&i| i == index).is_some() {
-            numbers.push(number(cell.trim_ascii(), layout.comma)?);
+            numbers.push(number(unquoted(cell.trim_ascii()), layout.comma)?);
+        } else if cell.iter().filter(|&&byte| byte == b'"').count() % 2 == 1 {
+            // A delimiter in quotes
+            return None;
         }
     }
     (count == layout.n_columns).then_some(())
+}
+
+/// A cell without the quotes about it, if it has both.
+fn unquoted(cell: &[u8]) -> &[u8] {
+    cell.strip_prefix(b"\"").and_then(|inner| inner.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
 fn number(cell: &[u8], comma: bool) -> Option<f64> {
@@ -91,6 +96,8 @@ mod tests {
         }
         assert_eq!(read(" 1  x\t2 \n3 y 4", None, false), Some(vec![1.0, 2.0, 3.0, 4.0]));
         assert_eq!(read("1,5;x;-2", Some(b';'), true), Some(vec![1.5, -2.0]));
+        assert_eq!(read("\"1\",\"x\",\" 2.5\"", Some(b','), false), None);
+        assert_eq!(read("\"1\",\"x\",\"2.5\"", Some(b','), false), Some(vec![1.0, 2.5]));
     }
 
     #[test]
@@ -102,9 +109,17 @@ mod tests {
 
     #[test]
     fn what_is_not_plain_is_refused() {
-        for text in
-            ["1,2", "1,2,3,4", "1,2,x", "1,2,3\n\n4,5,6", "#1,2,3", "\"1\",2,3", "1_0,2,3", "1,2,3\n% 4,5,6"]
-        {
+        for text in [
+            "1,2",
+            "1,2,3,4",
+            "1,2,x",
+            "1,2,3\n\n4,5,6",
+            "#1,2,3",
+            "1,\"2,3",
+            "\"1,2\",3",
+            "1_0,2,3",
+            "1,2,3\n% 4,5,6",
+        ] {
             assert_eq!(read(text, Some(b','), false), None, "{text}");
         }
         assert_eq!(read("1.5;2;3", Some(b';'), true), None);
