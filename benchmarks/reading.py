@@ -2,8 +2,8 @@
 
     python benchmarks/reading.py
 
-Writes files of 100,000 and 600,000 samples of three channels to a temporary folder. Ratios of CPU time, best of five. Takes
-about 20 s; needs pandas.
+Writes files of 100,000 and 600,000 samples of three channels to a temporary folder. Ratios of CPU time, best of five.
+Takes about 20 s; needs pandas.
 """
 
 import re
