@@ -50,8 +50,7 @@ def expand(targets: Sequence[str | Path]) -> list[str]:
 def open_model(
     target: str, begin: Callable[[str], None] = lambda _: None, reading: Mapping[str, Any] | None = None
 ) -> DSBRDF:
-    """The model in a file or in the built-in library; a measured file, read with these options, or a built-in material is
-    fitted first.
+    """The model in a file or in the library; a measured file, read with these options, or built-in material is fitted.
 
     Raises
     ------
