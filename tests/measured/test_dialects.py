@@ -131,6 +131,9 @@ REFUSED = {
     "times cosine": (f"{H},ccbrdf\n{BODY}", {}, "column ccbrdf holds the cosine by its name: say cosine=True"),
     "transmission": (f"{H},btdf\n{BODY}", {}, "column btdf holds transmitted light"),
     "place on the sample": (f"{H},x,y,v\n30,45,180,1,2,0.2\n", {}, "column x may be a tristimulus value"),
+    "place beside a value": (f"{H},y,v\n30,45,180,1,0.2\n", {}, "column y may be a tristimulus value, without the other two, or a place"),
+    "radius beside a value": (f"{H},r,v\n30,45,180,1,0.2\n", {}, "column r may be a colour, without the other two, or a place"),
+    "azimuths that may be either": ("theta_i,theta_o,phi_o,v\n30,45,3.14159,0.2\n", {}, "column phi_o must say its unit: its angles may be"),
     "temperature": (f"{H},temperature,v\n30,45,180,20,0.2\n", {}, "column temperature is no reflectance.*--ignore temperature"),
     "polarisation": (f"{H},brdf_s,brdf_p\n30,45,180,20,0.2\n", {}, "column brdf_s is of no known meaning"),
     "two of one": (f"{H},theta_r_deg,v\n30,45,180,45,0.2\n", {}, "column theta_r_deg is there twice: theta_o_deg means the same"),
@@ -286,6 +289,14 @@ def test_hints_name_angles_above_the_table(write):
     text = "theta_i: 30 deg\nphi_o = 180\n45,0.2,7\n50,0.1,7\n"
     with pytest.raises(ValueError, match=re.escape("--set theta_i_deg=30 --set phi_o_deg=180")):
         read(write(text))
+
+
+def test_a_comma_that_may_part_thousands_is_said(write):
+    path = write(f"{H},v\n".replace(",", ";") + "30;45;180;1,234\n60;0;180;2,345\n")
+    with pytest.warns(
+        ReadWarning, match="numbers such as '1,234' are read with a decimal comma. If it parts thousands"
+    ):
+        assert_allclose(read(path).values, [[1.234], [2.345]])
 
 
 def test_dialects_are_many():

@@ -68,6 +68,15 @@ def radians(
                 f"columns=[...] "
                 "(--columns)."
             )
+        turning = [
+            k for k in unknown if k in _AZIMUTHS and 0.0 < np.nanmax(np.abs(angles[k]), initial=0.0) < 6.3
+        ]
+        if turning:
+            base = labels[turning[0]].strip()
+            raise ValueError(
+                f"column {base} must say its unit: its angles may be degrees or radians. Call it {base}_deg "
+                f"or {base}_rad."
+            )
         known |= dict.fromkeys(unknown, "deg")
         remark = f"{', '.join(labels[key] for key in unknown)} taken as degrees: they go beyond what radians can be"
     result = {

@@ -337,13 +337,16 @@ class _Columns:
         """Red, green, blue and X, Y, Z in this order, wavelengths ascending; no X or Z alone, which may be a place."""
         names = list(self.values)
         guessed = {key for key in names if len(self.labels[f"value {key}"].strip()) == 1}
-        if {"X", "Z"} & guessed and not {"X", "Y", "Z"} <= set(names):
-            label = next(self.labels[f"value {key}"] for key in names if key in ("X", "Z"))
-            raise ValueError(
-                f"column {label} may be a tristimulus value, without the other two, or a place on the sample. "
-                f"Leave it out "
-                f"with ignore=['{label}'] (--ignore {label})."
-            )
+        for group, what in ((("X", "Y", "Z"), "a tristimulus value"), (("r", "g", "b"), "a colour")):
+            some = guessed & set(group)
+            others = [key for key in names if key not in group]
+            # Y alone is a luminance, and r alone a red; beside other values they may be places
+            if some and not set(group) <= set(names) and (others or some & {"X", "Z"}):
+                label = self.labels[f"value {min(some)}"]
+                raise ValueError(
+                    f"column {label} may be {what}, without the other two, or a place on the sample. Leave it out "
+                    f"with ignore=['{label}'] (--ignore {label}), or call it value_{label}."
+                )
         for order in (("r", "g", "b"), ("X", "Y", "Z")):
             if set(order) == set(names):
                 names = list(order)

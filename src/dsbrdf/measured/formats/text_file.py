@@ -497,14 +497,23 @@ def _shown(line: str) -> str:
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+
+
 def _has_decimal_comma(table: _Table) -> bool:
+    """Whether numbers have a decimal comma; says so where it may part thousands instead."""
+    found = []
     for _, line in table.rest:
         if "," not in line or (table.delimiter == "," and '"' not in line):
             continue
         cells = _cells(_bare(line.strip().translate(_SIGNS)), table.delimiter)
-        if len(cells) == table.n and any("," in cells[i] and _is_number(cells[i]) for i in table.used):
-            return True
-    return False
+        if len(cells) == table.n:
+            found += [cells[i] for i in table.used if "," in cells[i] and _is_number(cells[i])]
+    if found and all(map(_THOUSANDS.fullmatch, found)):
+        table.left_out.append(
+            f"numbers such as {found[0]!r} are read with a decimal comma. If it parts thousands, remove it."
+        )
+    return bool(found)
 
 
 # Lines to cells, cells to numbers
