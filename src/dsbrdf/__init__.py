@@ -1,9 +1,30 @@
 """Directional statistics BRDF model: measured reflectance to a few lobes, and back.
 
 A measured isotropic BRDF becomes a sum of lobes of the half angle, after Nishino & Lombardi (JOSA A 28(1), 2011), with
-shapes shared by the channels and smooth over the difference angle (`Lobes` has the formula). The way of the data is:
-`read` or `material` gives a measured table or `Samples`, `fit` a model and how good it is, the model's `eval`,
-`sample`, `lobe` and `save` its use. `dsbrdf.paper` holds the paper's own experiment.
+shapes shared by the channels and smooth over the difference angle (`Lobes` has the formula).
+
+The way of the data
+    `read` or `material` gives a measured table (`MeasuredBRDF`) or `Samples`; `fit` a `Fit`: a model and how good it
+    is; the model (`DSBRDF`) has `eval`, `sample`, `pdf`, `albedo`, `lobe`, `save`. `load` reads it back.
+How good, how certain
+    `Fit.errors`, `Fit.coverage`, `Fit.band`, `Fit.standard_errors`; `check_model` before rendering.
+Many files
+    `fit_many`.
+Ready-made materials, and what is like what
+    `dsbrdf.library`, `dsbrdf.space`.
+Elsewhere
+    `dsbrdf.export` (other programs), `dsbrdf.render` (Mitsuba 3), `dsbrdf.view` (a web page), `dsbrdf.plot` (figures),
+    `dsbrdf.images` (reflectance from pictures), `dsbrdf.baselines` (other models), `dsbrdf.paper` (the paper's
+    experiment).
+
+At the command line, `dsbrdf --help`.
+
+Examples
+--------
+>>> import dsbrdf
+>>> fit = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+>>> fit.model.eval([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]).shape
+(3,)
 """
 
 from importlib import import_module

@@ -34,6 +34,14 @@ class Bivariate(Brief, AbstractBaseline):
     values : (theta_d, channel, theta_h) ndarray, 1/sr
         NaN where nothing was measured: linear between the neighbours in theta_h, constant beyond them.
     name : str, optional
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import baselines
+    >>> found = baselines.fit_bivariate(dsbrdf.material("matte"))
+    >>> found.eval([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]).round(2)
+    array([0.18, 0.1 , 0.07])
     """
 
     label: ClassVar[str] = "bivariate table"
@@ -74,6 +82,13 @@ def fit_bivariate(measured: MeasuredBRDF) -> Bivariate:
     ValueError
         If no sample is valid.
 
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import baselines
+    >>> baselines.fit_bivariate(dsbrdf.material("matte")).n_parameters
+    24069
     """
     count, total = np.moveaxis(measured.moments(range(len(measured.theta_d)))[..., :2], -1, 0)
     if not count.any():

@@ -122,6 +122,14 @@ def fit_lambert_ggx(measured: MeasuredBRDF) -> LambertGGX:
     Notes
     -----
     As `fit_ggx_pair`, from three widths.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import baselines
+    >>> found = baselines.fit_lambert_ggx(dsbrdf.material("rough-gold"))
+    >>> found.alpha.round(1), found.n_parameters
+    (array([0.3]), 7)
     """
     return LambertGGX(*solve(Problem.of(measured), STARTS_ONE, free_f90=False), name=measured.name)
 
@@ -149,6 +157,13 @@ def fit_ggx_pair(measured: MeasuredBRDF) -> GGXPair:
     from two pairs of widths. Half of the weight is solid angle, the other half as in squares of the cube root of
     `f cos_i cos_o`; the offset is a hundredth of the median. With weight on the squares of f as well, as `dsbrdf.fit`
     has it, peaks that no GGX lobe fits cost the rest: the cube root's error rises by half.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import baselines
+    >>> baselines.fit_ggx_pair(dsbrdf.material("rough-gold")).n_parameters
+    13
     """
     return GGXPair(*solve(Problem.of(measured), STARTS_TWO), name=measured.name)
 

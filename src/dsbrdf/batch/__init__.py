@@ -64,6 +64,13 @@ class Outcome:
         Whether the model is that of an earlier run.
     error : Exception or None
         Why there is no model.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> (outcome,) = dsbrdf.fit_many(["matte"], n_lobes=1)
+    >>> outcome.status, outcome.model.n_lobes
+    ('ok', 1)
     """
 
     target: str
@@ -104,6 +111,12 @@ def expand(paths: Sequence[str | Path], *, strict: bool = False) -> tuple[list[s
     targets : list of str
     failures : list of Outcome
         Folders that cannot be read or hold no such file; raised with `strict`.
+
+    Examples
+    --------
+    >>> from dsbrdf import batch
+    >>> batch.expand(["matte"])
+    (['matte'], [])
     """
     targets: list[str] = []
     failures: list[Outcome] = []

@@ -38,6 +38,12 @@ class Format:
         Keywords the function gets.
     exact : bool
         The file holds the model, not the nearest material of a program.
+
+    Examples
+    --------
+    >>> from dsbrdf.export import FORMATS
+    >>> sorted(FORMATS)[:3]
+    ['blender', 'brdf', 'glb']
     """
 
     suffix: str
@@ -155,7 +161,7 @@ def export(
     --------
     >>> import dsbrdf, tempfile, pathlib
     >>> from dsbrdf.export import export
-    >>> model = dsbrdf.fit(dsbrdf.material("matte"), 1).model
+    >>> model = dsbrdf.library.load("delrin")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     lost = export(model, pathlib.Path(folder, "matte.gltf"), "gltf")
     """

@@ -68,6 +68,16 @@ class Fit:
         Over all that was measured, the whole hemisphere.
     seconds : float
         Time of the fit and its choices.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> found = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+    >>> found.model
+    DSBRDF('grey-primer', 2 lobes, 3 channels (r, g, b), 36 numbers)
+    >>> low, high = found.band([0.0, 0.0, 1.0], [0.6, 0.0, 0.8])
+    >>> bool((low < high).all())
+    True
     """
 
     model: DSBRDF

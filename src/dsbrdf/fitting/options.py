@@ -34,6 +34,12 @@ class FitOptions:
     ------
     ValueError
         If an option is out of range.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.FitOptions(n_lobes=3, curves="compact").sizes
+    (3, 2, 2, 1, 1)
     """
 
     n_lobes: int | str = AUTO

@@ -47,6 +47,13 @@ def from_directions(
     -----
     Eq. (2): `wd = R_y(-theta_h) R_z(-phi_h) wi`. Opposite directions (`wi = -wo`) have no half vector; the
     normal stands in for it.
+
+    Examples
+    --------
+    >>> from dsbrdf import half_diff
+    >>> theta_h, theta_d, phi_d = half_diff.from_directions([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8])
+    >>> float(theta_h), round(float(theta_d), 4)  # the mirror direction; asin(0.6)
+    (0.0, 0.6435)
     """
     wi, wo = np.broadcast_arrays(_check.unit_vectors(wi, "wi"), _check.unit_vectors(wo, "wo"))
     s, d = wi + wo, wi - wo
@@ -88,6 +95,13 @@ def to_directions(
     ------
     ValueError
         If an angle is out of range.
+
+    Examples
+    --------
+    >>> from dsbrdf import half_diff
+    >>> wi, wo = half_diff.to_directions(0.0, 0.5, 0.0)
+    >>> wi.round(3), wo.round(3)
+    (array([0.479, 0.   , 0.878]), array([-0.479,  0.   ,  0.878]))
     """
     theta_h = _check.angle(theta_h, "theta_h")
     theta_d = _check.angle(theta_d, "theta_d")
@@ -120,6 +134,12 @@ def azimuthal_factor(theta_h: ArrayLike, theta_d: ArrayLike) -> NDArray[np.float
     -----
     It vanishes where `phi_d` means nothing, at `theta_h = 0` and at `theta_d = 0`, and saturates beyond. Not
     in the paper; see decision record 0006.
+
+    Examples
+    --------
+    >>> from dsbrdf import half_diff
+    >>> round(float(half_diff.azimuthal_factor(0.0, 0.5)), 3), round(float(half_diff.azimuthal_factor(0.5, 0.5)), 3)
+    (0.0, 0.999)
     """
     theta_h, theta_d = np.asarray(theta_h, float), np.asarray(theta_d, float)
     p = np.sin(theta_h) * np.sin(theta_d)
@@ -130,6 +150,13 @@ def azimuthal_factor(theta_h: ArrayLike, theta_d: ArrayLike) -> NDArray[np.float
 
 
 def log_cos(theta_h: ArrayLike) -> NDArray[np.float64]:
-    """`ln cos(theta_h)` of angles (...) in radians: relatively precise near the pole, finite on the horizon."""
+    """`ln cos(theta_h)` of angles (...) in radians: relatively precise near the pole, finite on the horizon.
+
+    Examples
+    --------
+    >>> from dsbrdf import half_diff
+    >>> round(float(half_diff.log_cos(1e-9)), 20)  # where log(cos(x)) is zero
+    -5e-19
+    """
     sin2 = np.minimum(np.sin(theta_h) ** 2, 1.0 - 2.0**-53)
     return np.asarray(0.5 * np.log1p(-sin2))

@@ -207,7 +207,7 @@ def fit_image(
     --------
     >>> import dsbrdf
     >>> from dsbrdf.images import Light, fit_image, relight
-    >>> models = [dsbrdf.fit(dsbrdf.material(name), 2).model for name in ("satin-plastic", "matte", "rough-gold")]
+    >>> models = [dsbrdf.library.load(name) for name in ("blue-acrylic", "delrin", "nickel")]
     >>> lamp = Light.distant([[0.0, 0.6, 0.8], [0.9, 0.3, 0.3162]], 3.0)
     >>> picture = relight(models[0], "sphere", lamp, size=24)
     >>> found = fit_image(picture, "sphere", lamp, prior=dsbrdf.space.build_space(models[1:]))
@@ -301,7 +301,7 @@ def relight(
     --------
     >>> import dsbrdf
     >>> from dsbrdf.images import Light, relight
-    >>> model = dsbrdf.fit(dsbrdf.material("satin-plastic"), 2).model
+    >>> model = dsbrdf.library.load("blue-acrylic")
     >>> relight(model, "sphere", Light.distant([[0.0, 0.6, 0.8]]), size=32).shape
     (32, 32, 3)
     """

@@ -27,7 +27,14 @@ __all__ = [
 
 @cache
 def builtin() -> Library:
-    """The library that comes with the package."""
+    """The library that comes with the package.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.library.builtin()
+    Library(materials.dsbrdf, 106 materials)
+    """
     return open(Path(__file__).with_name(f"materials{SUFFIX}"))
 
 
@@ -72,6 +79,14 @@ def model_named(target: str | Path) -> DSBRDF | None:
         If a model file is not sound.
     OSError
         If it cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.library.model_named("nickel").n_channels
+    3
+    >>> dsbrdf.library.model_named("scan.csv") is None
+    True
     """
     path = Path(target)
     if path.suffix.lower() == ".json":

@@ -61,6 +61,13 @@ class Library:
         What is known of each source of measurements (licence, citation), by the description that `model.source` has.
     starts : (n + 1,) ndarray of int
         Where the record of each material begins.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> materials = dsbrdf.library.builtin()
+    >>> "nickel" in materials, materials.load("nickel").n_lobes
+    (True, 5)
     """
 
     path: Path
@@ -117,6 +124,16 @@ def open(path: str | Path) -> Library:
         If the content is no library; says what was expected and found.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "mine.dsbrdf")
+    ...     dsbrdf.library.write(path, [dsbrdf.library.load("nickel")])
+    ...     names = dsbrdf.library.open(path).names
+    >>> names
+    ('nickel',)
     """
     path = Path(path)
     size = _files.regular_size(path)

@@ -162,6 +162,12 @@ def material(name: str, *, convention: str = "centre") -> MeasuredBRDF:
     ------
     ValueError
         If there is no such material; names those there are.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.material("rough-gold").values.shape
+    (90, 90, 180, 3)
     """
     entry = get(name)
     source = Source(description=f"built-in material: {entry.description} {entry.source}")

@@ -153,6 +153,14 @@ def read(
     -----
     ReadWarning
         If samples are left out, or the numbers do not look like a BRDF in 1/sr in the convention of the package.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> columns = {"theta_i_deg": [30, 30], "theta_o_deg": [-30, 0], "550nm": [1.5, 0.2]}
+    >>> samples = dsbrdf.read(columns)  # or the path of a file
+    >>> len(samples), samples.channels
+    (2, ('550nm',))
     """
     options = ReadOptions(columns, ignore, set or {}, scale, cosine, phi_offset, keep)
     if not isinstance(path, str | Path):
@@ -238,6 +246,16 @@ def read_samples(path: str | Path, columns: Sequence[str] | None = None, **optio
         If the file does not hold samples; says what was expected.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "scan.txt")
+    ...     _ = path.write_text("30 -30 1.5")
+    ...     samples = dsbrdf.read_samples(path, columns=["theta_i_deg", "theta_o_deg", "value"])
+    >>> samples.values.ravel()
+    array([1.5])
     """
     samples = read(path, columns=columns, **options)
     if not isinstance(samples, Samples):

@@ -57,6 +57,12 @@ class Samples:
     ValueError
         If shapes disagree, there is no sample, a vector is not of unit length or below the horizon, or a
         weight is negative or not finite.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.Samples([[0.0, 0.0, 1.0]], [[0.6, 0.0, 0.8]], [[0.1, 0.2, 0.3]], name="one")
+    Samples('one', 1 pairs of directions, 3 channels)
     """
 
     wi: Array

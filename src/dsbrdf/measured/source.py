@@ -15,7 +15,14 @@ __all__ = ["Source"]
 
 @dataclass(frozen=True)
 class Source:
-    """Where a measurement came from."""
+    """Where a measurement came from.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.material("matte").source.description.startswith("built-in material")
+    True
+    """
 
     file: Path | None = None
     description: str = ""

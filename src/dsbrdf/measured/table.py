@@ -42,6 +42,15 @@ class MeasuredBRDF:
     ------
     ValueError
         If shapes disagree.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> table = dsbrdf.material("matte")
+    >>> table.eval([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]).round(2)
+    array([0.18, 0.1 , 0.07])
+    >>> bool(table.valid.all())  # not below the horizon
+    False
     """
 
     name: str
@@ -191,6 +200,14 @@ def tabulate(
     ------
     ValueError
         If an option is out of range, or `reflectance` returns another shape.
+
+    Examples
+    --------
+    >>> import dsbrdf, numpy as np
+    >>> def grey(wi, wo):
+    ...     return 0.3 / np.pi + 0.0 * (wi + wo)[..., :1]
+    >>> dsbrdf.tabulate(grey, "grey", shape=(18, 9, 18))
+    MeasuredBRDF('grey', 18 theta_h x 9 theta_d x 18 phi_d, 1 channels, centre convention)
     """
     theta_h, theta_d, phi_d = cell_angles(convention, shape)
     planes: NDArray[np.float64] | None = None

@@ -57,6 +57,12 @@ class CheckReport:
         cosine-weighted directions.
     problems : tuple of str
         A sentence for each thing that is wrong.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.check_model(dsbrdf.library.load("nickel"))
+    CheckReport('nickel', albedo up to 0.236, ok)
     """
 
     name: str
@@ -105,6 +111,13 @@ def check_model(model: DSBRDF, rng: np.random.Generator | None = None) -> CheckR
     -------
     CheckReport
         Its `problems` are empty if all is well.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> report = dsbrdf.check_model(dsbrdf.library.load("nickel"))
+    >>> report.ok, report.reciprocity
+    (True, 0.0)
     """
     rng = np.random.default_rng(0) if rng is None else rng
     wi, wo = _directions(rng, N_PAIRS), _directions(rng, N_PAIRS)

@@ -42,6 +42,15 @@ class DSBRDF:
     ------
     ValueError
         If there is not a name for each channel.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> model = dsbrdf.library.load("nickel")
+    >>> model.eval([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]).round(1)
+    array([10.8,  9. ,  7.4])
+    >>> model.lobe(-1).albedo(0.5).round(2)  # what the sharpest lobe reflects of the light from 0.5 radians
+    array([0.04, 0.03, 0.03])
     """
 
     lobes: Lobes

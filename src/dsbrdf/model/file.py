@@ -132,6 +132,16 @@ def load(path: str | Path) -> DSBRDF:
         If the content is not a model, or one of a later schema; says what was expected and found.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "nickel.json")
+    ...     dsbrdf.library.load("nickel").save(path)
+    ...     model = dsbrdf.load(path)
+    >>> model.name
+    'nickel'
     """
     path = Path(path)
     size = _files.regular_size(path)

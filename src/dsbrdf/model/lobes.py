@@ -69,6 +69,15 @@ class Lobes(Brief):
     ------
     ValueError
         If shapes disagree or a coefficient of a NumPy array is out of range.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> lobes = dsbrdf.library.load("nickel").lobes
+    >>> lobes.n_lobes, lobes.n_parameters
+    (5, 90)
+    >>> lobes.at([0.0]).gamma.round().astype(int)
+    array([[  0,   0,  64, 217, 806]])
     """
 
     scale: Any

@@ -91,12 +91,27 @@ def run(what: str, data: Path | None, out: Path, progress: Callable[[str], None]
         If a figure is wanted and matplotlib, or Mitsuba for spheres, is missing; then nothing is written.
     OSError
         If a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from dsbrdf import paper
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in paper.run("fig2", None, folder)]
+    ['fig2.png']
     """
     return _run(what, _open(what, data), Path(out), progress or (lambda _: None))
 
 
 def n_steps(what: str, data: Path | None) -> int:
-    """How often `run` with these arguments calls `progress`; the same errors."""
+    """How often `run` with these arguments calls `progress`; the same errors.
+
+    Examples
+    --------
+    >>> from dsbrdf import paper
+    >>> paper.n_steps("fig2", None)
+    1
+    """
     from dsbrdf.paper.spheres import n_renders
     from dsbrdf.paper.survey import N_SAMPLE
 

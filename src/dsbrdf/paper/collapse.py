@@ -43,6 +43,14 @@ class SliceProfile(Brief):
     theta_h : (theta_h,) ndarray, radians
     moments : (channel, theta_h, 6) ndarray
         Count, sum f, sum f^2, sum c, sum c^2, sum f c; all zero where nothing is valid.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> profile = paper.slice_profiles(dsbrdf.material("matte"), n_slices=3)[0]
+    >>> profile.mean.shape == (3, len(profile.theta_h))
+    True
     """
 
     theta_d: float
@@ -121,6 +129,14 @@ def slice_profiles(
     ------
     ValueError
         If an option is out of range.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> profiles = paper.slice_profiles(dsbrdf.material("matte"), n_slices=3)
+    >>> len(profiles), profiles[0].moments.shape[1]
+    (3, 90)
     """
     if theta_h_step < 1:
         raise ValueError(f"'theta_h_step' must be at least 1, got {theta_h_step}.")

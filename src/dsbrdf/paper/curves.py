@@ -64,6 +64,12 @@ class CurveBasis:
     ------
     ValueError
         If there are fewer than two knots, no range between the ends, or no such variable.
+
+    Examples
+    --------
+    >>> from dsbrdf.paper import CurveBasis
+    >>> CurveBasis().size
+    6
     """
 
     n_knots: int = 5
@@ -141,6 +147,14 @@ class Curves(Brief):
     ------
     ValueError
         If shapes disagree or a coefficient is not finite.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> smooth = paper.fit_slices(dsbrdf.material("matte"), 1).model.to_curves()
+    >>> smooth.curves.at([0.1, 0.2])[0].shape  # kappa (theta_d, channel, lobe)
+    (2, 3, 1)
     """
 
     basis: CurveBasis

@@ -37,6 +37,14 @@ class SliceFit(Brief):
         Why there are so many lobes, if that was chosen.
     measured : MeasuredBRDF
     options : dict
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> found = paper.fit_slices(dsbrdf.material("matte"), 1)
+    >>> len(found.slices)  # 18 of each of three channels
+    54
     """
 
     model: Slices

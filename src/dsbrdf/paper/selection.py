@@ -112,6 +112,13 @@ def select_lobes(
     ------
     ValueError
         If an option is out of range, or held-out slices are missing.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> paper.select_lobes(paper.slice_profiles(dsbrdf.material("matte"), n_slices=3), max_lobes=2).n_lobes
+    1
     """
     if criterion not in CRITERIA:
         raise ValueError(f"'criterion' must be one of {', '.join(map(repr, CRITERIA))}, got {criterion!r}.")

@@ -65,6 +65,14 @@ class Slices:
     ------
     ValueError
         If shapes disagree, a value is out of range, or there is not a name for each channel.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> from dsbrdf import paper
+    >>> slices = paper.fit_slices(dsbrdf.material("matte"), 1).model
+    >>> slices.eval([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]).round(2)
+    array([0.19, 0.1 , 0.07])
     """
 
     theta_d: NDArray[np.float64]

@@ -60,6 +60,13 @@ def incident_plane(measured: MeasuredBRDF, row: int) -> tuple[Array, Array]:
         Positive in the plane phi_d = 0, negative in the plane phi_d = pi/2.
     values : (channel, 2 theta_h) ndarray, 1/sr
         Mean over the cells nearest to the plane; NaN where invalid.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> theta_h, values = dsbrdf.plot.incident_plane(dsbrdf.material("matte"), 20)
+    >>> values.shape
+    (3, 180)
     """
     rows = measured.rows([row])[:, :, 0]
     across, along = (_nearest_phi(rows, measured.phi_d, phi) for phi in (np.pi / 2, 0.0))
@@ -185,6 +192,14 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     ------
     TypeError
         If scattered samples were fitted.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> found = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+    >>> figure = dsbrdf.plot.fit_figure(found, theta_d=[0.5])
+    >>> len(figure.axes)
+    3
     """
     rows = _shown_rows(_table(fit), theta_d)
     chosen = int(fit.model.albedo(STRIP_THETA_D).argmax()) if channel is None else channel
@@ -276,7 +291,15 @@ def _finish_column(column: Any, plane: _Plane) -> None:
 
 
 def parameter_figure(model: DSBRDF, n: int = 181) -> Figure:
-    """Kappa of each channel (a few, of many) and gamma, beta and falloff of each lobe over theta_d."""
+    """Kappa of each channel (a few, of many) and gamma, beta and falloff of each lobe over theta_d.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> figure = dsbrdf.plot.parameter_figure(dsbrdf.library.load("nickel"))
+    >>> len(figure.axes)
+    6
+    """
     theta_d = np.linspace(0.0, np.pi / 2, n)
     at = model.lobes.at(theta_d)
     shown = _channels(model)
@@ -334,6 +357,14 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
         One row each, of a table.
     n_pixels : int, optional
         Width of a sphere.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> found = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+    >>> figure = dsbrdf.plot.demo_figure([found], n_pixels=16)
+    >>> len(figure.axes)
+    6
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
     lobes = [f"lobe {k}" for k in range(min(n_lobes, SHOWN_LOBES))] + ["others"] * (n_lobes > SHOWN_LOBES)

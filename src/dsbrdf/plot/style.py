@@ -57,6 +57,16 @@ def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
     ------
     OSError
         If the file cannot be written; then nothing is left of it.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> figure = dsbrdf.plot.parameter_figure(dsbrdf.library.load("nickel"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "nickel.svg")
+    ...     dsbrdf.plot.write_figure(figure, path)
+    ...     path.exists()
+    True
     """
     path = Path(path)
     with _files.aside(path) as part, matplotlib.rc_context(STYLE):

@@ -29,7 +29,14 @@ PAGE_SOURCES = ("dsbrdf", "texture", "sphere", "show", "evaluate")
 
 
 def sources() -> dict[str, str]:
-    """GLSL ES 3.00 sources of the page by name, without `#version`; `constants` goes in front of the others."""
+    """GLSL ES 3.00 sources of the page by name, without `#version`; `constants` goes in front of the others.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> sorted(dsbrdf.shader.sources())[:2]
+    ['constants', 'dsbrdf']
+    """
     return {"constants": _constants(), **{name: _read(name) for name in PAGE_SOURCES}}
 
 
@@ -40,6 +47,12 @@ def texels(lobes: Lobes) -> NDArray[np.float64]:
     ----------
     lobes : Lobes
         Of three channels.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.shader.texels(dsbrdf.library.load("nickel").lobes).shape[1]
+    4
     """
     tables, lobes = sampling.tables(lobes), lobes.numpy
     sizes = [getattr(lobes, name).shape[1] for name in SHARED]
@@ -73,6 +86,12 @@ def baked(model: DSBRDF, language: str = "glsl") -> str:
     ------
     ValueError
         If the model has another number of channels, or there is no such language.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> "vec3" in dsbrdf.shader.baked(dsbrdf.library.load("nickel"))
+    True
     """
     if language not in LANGUAGES:
         raise ValueError(f"'language' must be one of {', '.join(LANGUAGES)}, got {language!r}.")

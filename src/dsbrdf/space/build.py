@@ -45,6 +45,13 @@ def build_space(
     ------
     ValueError
         If there are fewer than two models, or they differ in channels or convention; if an option is unknown.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> space = dsbrdf.space.build_space([dsbrdf.library.load(name) for name in ("nickel", "red-fabric", "delrin")])
+    >>> space.names
+    ('nickel', 'red-fabric', 'delrin')
     """
     models = list(models)
     if len(models) < 2:
@@ -118,6 +125,13 @@ def lobe_fpca(space: MaterialSpace) -> tuple[Fpca, NDArray[np.int_]]:
         A positive score is on the side of sharper lobes.
     lobes : (observation, 2) ndarray of int
         Material and slot of each; dark lobes that stand for missing ones are left out.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> fpca, lobes = dsbrdf.space.lobe_fpca(dsbrdf.space.builtin())
+    >>> fpca.scores.shape[0] == len(lobes)
+    True
     """
     variables = space.variables
     sharper = np.zeros(variables.n_numbers)

@@ -39,6 +39,13 @@ class Fpca(Brief):
         Of the scores, with n - 1 in the denominator.
     scores : (observation, component) ndarray
         Of what the analysis was made from.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> fpca = dsbrdf.space.builtin().fpca
+    >>> fpca.n_components(0.9) < fpca.n_components(0.99)
+    True
     """
 
     metric: Array
@@ -111,6 +118,14 @@ def fit_fpca(rows: ArrayLike, metric: ArrayLike, reference: ArrayLike | None = N
     ------
     ValueError
         If shapes disagree, the metric is none, there are fewer than two observations, or they are all alike.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dsbrdf.space import fit_fpca
+    >>> found = fit_fpca([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]], np.eye(2))
+    >>> found.mean, found.explained.round(3)
+    (array([2., 1.]), array([1.]))
     """
     rows, metric = _check.finite(rows, "rows"), _check.finite(metric, "metric")
     if metric.ndim != 2 or rows.ndim != 2 or metric.shape != (rows.shape[1],) * 2:

@@ -54,6 +54,15 @@ class MaterialSpace:
         Sharpness at which specular lobes begin; minus infinity with "rank".
     n_diffuse : int
         Slots below the border.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> space = dsbrdf.space.builtin()
+    >>> [name for name, _ in space.nearest(space.material("nickel"), 2)]
+    ['nickel', 'blue-metallic-paint2']
+    >>> space.move(space.material("nickel"), axis=1, by=0.5).n_lobes
+    5
     """
 
     settings: SpaceSettings

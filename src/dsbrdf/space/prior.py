@@ -45,6 +45,13 @@ class Gaussian(Brief):
     precision : (unknown, unknown) ndarray
         Inverse of the covariance.
     channels : tuple of str
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> gaussian = dsbrdf.space.builtin().gaussian()
+    >>> gaussian.mean.shape
+    (100,)
     """
 
     sizes: Sizes

@@ -30,6 +30,12 @@ class SpaceSettings:
     ------
     ValueError
         If an option is unknown.
+
+    Examples
+    --------
+    >>> from dsbrdf.space import SpaceSettings
+    >>> SpaceSettings(correspondence="border").sizes.scale
+    6
     """
 
     sizes: Sizes = field(default_factory=Sizes)

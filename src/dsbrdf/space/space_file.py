@@ -72,6 +72,16 @@ def load_space(path: str | Path) -> MaterialSpace:
         If the content is not a space, or one of a later schema or of other constants; says what was expected and found.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "space.npz")
+    ...     dsbrdf.space.builtin().save(path)
+    ...     space = dsbrdf.space.load_space(path)
+    >>> space
+    MaterialSpace(106 materials, 3 channels, 5 lobes)
     """
     path = Path(path)
     arrays = _read_arrays(path)

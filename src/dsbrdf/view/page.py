@@ -47,6 +47,15 @@ def view(models: DSBRDF | Sequence[DSBRDF], path: str | Path, *, space: Material
         If there is no model, or one does not go into `space`.
     OSError
         If the file cannot be written; then nothing is left of it.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "page.html")
+    ...     dsbrdf.view.view(dsbrdf.library.load("nickel"), path)
+    ...     path.read_text(encoding="utf-8")[:15]
+    '<!doctype html>'
     """
     text = page(models, space=space)
     with _files.aside(path) as part:
@@ -54,7 +63,14 @@ def view(models: DSBRDF | Sequence[DSBRDF], path: str | Path, *, space: Material
 
 
 def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = None) -> str:
-    """The text of the page; see `view`."""
+    """The text of the page; see `view`.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.view.page(dsbrdf.library.load("nickel"))[:15]
+    '<!doctype html>'
+    """
     models = _named([models] if isinstance(models, DSBRDF) else list(models))
     if not models:
         raise ValueError("'models' must hold at least one model, got none.")
@@ -82,7 +98,14 @@ def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = Non
 
 
 def frame(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = None, height: int = 860) -> str:
-    """The page inside a frame of some height in pixels, as HTML for a notebook; see `view`."""
+    """The page inside a frame of some height in pixels, as HTML for a notebook; see `view`.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> dsbrdf.view.frame(dsbrdf.library.load("nickel"), height=400)[:7]
+    '<iframe'
+    """
     return (
         f'<iframe srcdoc="{html.escape(page(models, space=space))}" title="dsbrdf" allow="clipboard-write" '
         f'style="width: 100%; height: {height}px; border: 0"></iframe>'

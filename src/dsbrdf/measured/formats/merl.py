@@ -59,6 +59,16 @@ def read_merl(path: str | Path, *, convention: str = "centre", name: str | None 
         If the size of the file is not what its header says, or the header is not that of a MERL file.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "matte.binary")
+    ...     dsbrdf.write_merl(dsbrdf.material("matte"), path)
+    ...     table = dsbrdf.read_merl(path)
+    >>> table
+    MeasuredBRDF('matte', 90 theta_h x 90 theta_d x 180 phi_d, 3 channels, centre convention)
     """
     path = Path(path)
     status = path.stat()
@@ -97,6 +107,15 @@ def write_merl(measured: MeasuredBRDF, path: str | Path) -> None:
         If the table is not 90 x 90 x 180 with three channels.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import dsbrdf, tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "matte.binary")
+    ...     dsbrdf.write_merl(dsbrdf.material("matte"), path)
+    ...     path.stat().st_size
+    34992012
     """
     if measured.planes.shape != (N_CHANNELS, *SHAPE):
         raise ValueError(
