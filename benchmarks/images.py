@@ -156,16 +156,16 @@ def relit_baseline(model, light):
     leaves = np.flatnonzero((light.parts.max(1) < 0) & (light.flux.sum(1) > 0.0))
     toward, flux = light.direction[leaves], light.flux[leaves]
     image = np.zeros((SIZE * SIZE, 3))
-    for i, pixel in enumerate(seen.pixel):
-        normal = seen.normal[seen.start[i] : seen.start[i + 1]].mean(0)
-        normal /= np.linalg.norm(normal)
+    # A pixel is the mean of its points
+    of_point = np.repeat(seen.pixel, np.diff(seen.start))
+    for normal, view, pixel in zip(seen.normal, seen.view, of_point, strict=True):
         across = np.cross(normal, [0.3, 0.5, 0.8])
         across /= np.linalg.norm(across)
         turn = np.stack([across, np.cross(normal, across), normal])
-        wi, wo = toward @ turn.T, turn @ seen.view[seen.start[i]]
+        wi, wo = toward @ turn.T, turn @ view
         up = wi[:, 2] > 0.0
-        image[pixel] = (model.eval(wi[up], wo) * flux[up] * wi[up, 2:]).sum(0)
-    return image.reshape(SIZE, SIZE, 3)
+        image[pixel] += (model.eval(wi[up], wo) * flux[up] * wi[up, 2:]).sum(0)
+    return image.reshape(SIZE, SIZE, 3) / np.diff(seen.start)[0]
 
 
 def prior_without(name):

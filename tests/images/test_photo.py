@@ -1,12 +1,14 @@
 """`dsbrdf photo`, and the files it reads."""
 
+import warnings
+
 import numpy as np
 import pytest
 from spaces import smooth_model
 
 import dsbrdf
 from dsbrdf.cli import main
-from dsbrdf.images import Light, relight, sources
+from dsbrdf.images import Light, PictureWarning, relight, sources, unknown
 from dsbrdf.images import fit as image_fit
 from dsbrdf.measured.formats.image_file import read_pixels, write_pixels
 from dsbrdf.space import build_space
@@ -66,6 +68,18 @@ def test_all_lights_of_a_list_shine_on_a_single_picture(folder, capsys):
     inside = together > 0.0
     assert np.sqrt((np.log(made[inside] / together[inside]) ** 2).mean()) < 0.1
     capsys.readouterr()
+
+
+def test_an_unknown_light_is_written(folder, monkeypatch, capsys):
+    monkeypatch.setattr(unknown, "ROWS", 8)
+    monkeypatch.setattr(unknown, "N_PIXELS", 30)
+    arguments = ["photo", "0.exr", "--light", "unknown", "--prior", "space.npz", "--light-out", "env.exr"]
+    with warnings.catch_warnings():
+        # One lamp is not what a grid so coarse explains
+        warnings.simplefilter("ignore", PictureWarning)
+        assert main(arguments) == 0
+    assert "up to a scale a channel" in " ".join(capsys.readouterr().out.split())
+    assert read_pixels(folder / "env.exr").shape == (8, 16, 3)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf._brief import Brief
 from dsbrdf.fitting import uncertainty
 from dsbrdf.fitting.coverage import Coverage
-from dsbrdf.images import coverage, linear, search
+from dsbrdf.images import coverage, linear, search, unknown
 from dsbrdf.images.independence import independent
 from dsbrdf.images.light import Light
 from dsbrdf.images.picture import Picture
@@ -175,8 +175,9 @@ def fit_image(
         Linear radiance; EXR and HDR files, or arrays. Of 8-bit images, and PNG files, the sRGB curve is undone.
     normals : (height, width, 3) array_like or "sphere", or a list of them
         Unit vectors in the camera's frame: x to the right, y up, z toward the camera. One for all, or one each.
-    light : Light, or a list of them
-        One each picture, or one for all.
+    light : Light, or a list of them, or "unknown"
+        One each picture, or one for all. An unknown light of one picture is found too; the model is then known up to a
+        factor a channel.
     mask : (height, width) array_like of bool, or a list of them, optional
         Pixels that may be used.
     camera : {"orthographic", "perspective"}, optional
@@ -217,6 +218,12 @@ def fit_image(
     begun = time.perf_counter()
     if exposure not in ("known", "unknown"):
         raise ValueError(f"'exposure' must be 'known' or 'unknown', got {exposure!r}.")
+    if isinstance(light, str):
+        if light != "unknown":
+            raise ValueError(
+                f"'light' must be a Light or 'unknown', got {light!r}. Light.from_map(path) reads a map."
+            )
+        return _unknown(image, normals, mask, _camera(camera, fov), prior, step)
     pictures, of_points, lights = _inputs(image, normals, light, mask, _camera(camera, fov))
     gaussian = _gaussian(prior, pictures[0].n_channels)
     step("pictures as functions of the reflectance")
@@ -225,6 +232,55 @@ def fit_image(
     found = solve(problem)
     _warn_unexplained(found, pictures[0].name)
     return finished(problem, found, pictures, of_points, lights, time.perf_counter() - begun)
+
+
+def _unknown(
+    image: Any,
+    normals: Any,
+    mask: Any,
+    camera: Camera,
+    prior: str | MaterialSpace | Gaussian,
+    step: Callable[[str], None],
+) -> ImageFit:
+    """Material and light of a picture."""
+    begun = time.perf_counter()
+    white = Light.distant([0.0, 0.0, 1.0])
+    pictures, of_points, _ = _inputs(image, normals, white, mask, camera)
+    if len(pictures) != 1:
+        raise ValueError(f"an unknown light is found from one picture, got {len(pictures)}.")
+    (picture,), (seen,) = pictures, of_points
+    space = _space(prior)
+    gaussian = _gaussian(space, picture.n_channels)
+    step("material, whatever the light")
+    some = seen.take(chosen(picture.flat[seen.pixel], unknown.N_PIXELS))
+    scene = unknown.Scene(some.middles, picture.flat[some.pixel], unknown.Grid(unknown.ROWS))
+    x, spread = unknown.material(scene, space, gaussian)
+    step("light")
+    light = Light.from_map(scene.light(search.raw_lobes(x, gaussian)))
+    problem = _problem(pictures, of_points, [light], gaussian, False)
+    found = problem.at(x)
+    _warn_unexplained(found, picture.name)
+    fit = finished(problem, found, pictures, of_points, [light], time.perf_counter() - begun)
+    options = {**fit.model.fit_options, "exposure": "unknown", "light": "unknown"}
+    return dataclasses.replace(
+        fit,
+        model=fit.model.replace(fit_options=options),
+        covariance=spread,
+        n_decided=float(np.trace(np.eye(len(spread)) - spread @ gaussian.precision)),
+        posterior=dataclasses.replace(fit.posterior, covariance=spread),
+    )
+
+
+def _space(prior: str | MaterialSpace | Gaussian) -> MaterialSpace:
+    if isinstance(prior, str) and prior == "library":
+        from dsbrdf import space
+
+        return space.builtin()
+    if not isinstance(prior, MaterialSpace):
+        raise TypeError(
+            "an unknown light needs materials to compare: 'prior' must be 'library' or a MaterialSpace."
+        )
+    return prior
 
 
 def fit_regions(

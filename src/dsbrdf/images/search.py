@@ -205,5 +205,11 @@ class Problem:
             damping = max(damping / 6.0, 1e-6)
             if converged:
                 break
+        return self.at(x, converged)
+
+    def at(self, x: Array, converged: bool = True) -> Solution:
+        """Unknowns as a solution."""
+        residual, jacobian = self.linearise(x)
+        value, squares = self.objective(residual, x)
         hessian = np.einsum("crp,crq->pq", jacobian, jacobian, optimize=True) / (residual.size * squares)
         return Solution(x, value, squares, residual, hessian, converged)

@@ -91,6 +91,16 @@ class Points:
     view: Array
     start: NDArray[np.int_]
 
+    @property
+    def middles(self) -> Points:
+        """The same with one point a pixel, the mean of its own."""
+        n = np.diff(self.start)[:, None]
+        means = []
+        for array in (self.normal, self.view):
+            mean = np.add.reduceat(array, self.start[:-1]) / n
+            means.append(mean / np.linalg.norm(mean, axis=-1, keepdims=True))
+        return Points(self.pixel, means[0], means[1], np.arange(len(self.pixel) + 1))
+
     def take(self, which: NDArray[np.int_]) -> Points:
         """Some of the pixels."""
         counts = np.diff(self.start)

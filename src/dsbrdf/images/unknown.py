@@ -1,0 +1,226 @@
+"""Material and light of a picture when neither is known: the material first, with the light integrated out.
+
+The best material and light together explain a picture by too sharp a material in too flat a light, the known failure of
+joint estimates in blind deconvolution. So the logarithm of the light is a Gaussian process on the sphere, its channels
+alike but for a part of each, and materials are compared by the probability of the picture under all such lights.
+Those compared are the materials of a space; their mean, by these probabilities, is the material, and the light follows.
+
+With g the logarithm of the light's cells, A the radiance of each pixel per radiance of each cell, and t the logarithm
+with an offset, pixels are `t(A exp(g))` and noise. Around a g this is linear; some steps lead to the most probable
+light, and Laplace's approximation there gives the probability. Each channel has a free mean: nothing depends on a
+factor a channel of the material.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsbrdf import _core
+from dsbrdf.geometry import half_diff, panorama
+from dsbrdf.images.search import OFFSET, raw_lobes
+from dsbrdf.images.view import Points
+from dsbrdf.model.lobes import Lobes
+from dsbrdf.space import Gaussian, MaterialSpace
+
+__all__ = ["Grid", "Guess", "Scene", "material"]
+
+Array = NDArray[np.float64]
+
+#: Angle, radians, over which the light's correlation falls to 1 / e; standard deviation of its logarithm.
+REACH, CONTRAST = 0.35, 1.3
+#: Rows of the grid that what cells share is told by.
+COARSE = 10
+#: Share of the light's variance that its channels have in common; standard deviation of a channel's mean.
+COMMON, LEVEL = 0.9, 3.0
+#: Noise of the logarithm of a pixel; it stands for what cells are too coarse for too.
+NOISE = 0.05
+#: Directions along a side of a cell.
+SUB = 2
+#: Rows of the light's map, and pixels that are compared.
+ROWS, N_PIXELS = 24, 70
+#: Power of the probability of a picture that weighs materials, and of that which tells how uncertain they are: cells
+#: and materials are not quite those of the picture, which the noise does not know.
+SHARPNESS, CAUTION = 0.3, 0.01
+#: Share of the prior's covariance that is left in any case.
+LEFT = 0.1
+#: Steps to the most probable light, and the longest.
+STEPS, LONGEST = 5, 2.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cells of an unknown light.
+
+    Parameters
+    ----------
+    rows : int
+        Twice as many columns.
+    """
+
+    rows: int
+
+    @cached_property
+    def directions(self) -> Array:
+        """Toward the middles (cell, 3)."""
+        return panorama.directions(self.rows, 2 * self.rows).reshape(-1, 3)
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array]:
+        """Directions (cell, part, 3) and solid angles (cell, part) of the parts of the cells."""
+        n = SUB * self.rows
+        shape = (self.rows, SUB, 2 * self.rows, SUB)
+        fine = panorama.directions(n, 2 * n).reshape(*shape, 3)
+        angles = np.broadcast_to(panorama.solid_angles(n, 2 * n), (n, 2 * n)).reshape(shape)
+        cells = 2 * self.rows**2
+        return (
+            np.ascontiguousarray(fine.swapaxes(1, 2)).reshape(cells, -1, 3),
+            np.ascontiguousarray(angles.swapaxes(1, 2)).reshape(cells, -1),
+        )
+
+    @cached_property
+    def root(self) -> Array:
+        """Root (cell, rank) of the part of the kernel that cells share, by way of a coarse grid (Nystrom)."""
+        coarse = panorama.directions(COARSE, 2 * COARSE).reshape(-1, 3)
+        lower = np.linalg.cholesky(_kernel(coarse, coarse) + 1e-6 * np.eye(len(coarse)))
+        return np.ascontiguousarray(np.linalg.solve(lower, _kernel(coarse, self.directions)).T)
+
+    @cached_property
+    def own(self) -> Array:
+        """What is left of the variance (cell,) of each cell."""
+        return np.asarray(np.maximum(1.0 - (self.root**2).sum(1), 0.0))
+
+    def smoothed(self, values: Array) -> Array:
+        """The kernel times values (..., cell)."""
+        return np.asarray((values @ self.root) @ self.root.T + values * self.own)
+
+
+def _kernel(a: Array, b: Array) -> Array:
+    """Correlation (n, m) of the light in directions (n, 3) and (m, 3)."""
+    return np.asarray(np.exp(-np.arccos(np.clip(a @ b.T, -1.0, 1.0)) / REACH))
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """The most probable light under a material.
+
+    Parameters
+    ----------
+    evidence : float
+        Logarithm of the probability of the pixels under the material, up to a constant.
+    residual : (channel, pixel) ndarray
+        Differences of logarithms.
+    light : (cell, channel) ndarray
+        Radiance.
+    """
+
+    evidence: float
+    residual: Array
+    light: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Some pixels of a picture, and the cells of its light.
+
+    Parameters
+    ----------
+    points : Points
+        One a pixel.
+    pixels : (pixel, channel) ndarray
+    grid : Grid
+    """
+
+    points: Points
+    pixels: Array
+    grid: Grid
+
+    @cached_property
+    def _frames(self) -> tuple[Array, Array]:
+        """Rotations (pixel, 3, 3) to frames with the normal as +z, and the view (pixel, 3) in them."""
+        normal = self.points.normal
+        helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        across = np.cross(normal, helper)
+        across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        rotation = np.stack([across, np.cross(normal, across), normal], axis=1)
+        return rotation, np.einsum("pij,pj->pi", rotation, self.points.view)
+
+    def transfer(self, lobes: Lobes) -> Array:
+        """Radiance (channel, pixel, cell) of pixels per radiance of cells."""
+        directions, angles = self.grid.parts
+        rotation, view = self._frames
+        wi = np.einsum("pij,cj->pci", rotation, directions.reshape(-1, 3))
+        up = wi[..., 2] > 0.0
+        toward = np.ascontiguousarray(wi[up])
+        away = np.ascontiguousarray(np.broadcast_to(view[:, None], wi.shape)[up])
+        parts = [np.ascontiguousarray(part) for part in lobes.parts]
+        values = _core.eval(
+            toward, away, parts[0], parts[1], parts[2], parts[3], parts[4], half_diff.AZIMUTHAL_WIDTH
+        )
+        found = np.zeros((*wi.shape[:2], lobes.n_channels))
+        found[up] = values * (toward[:, 2] * np.broadcast_to(angles.ravel(), up.shape)[up])[:, None]
+        summed = found.reshape(len(wi), *angles.shape, -1).sum(2)
+        return np.ascontiguousarray(np.moveaxis(summed, -1, 0))
+
+    def guess(self, transfer: Array) -> Guess:
+        """The most probable light under a material that makes this transfer."""
+        y = self.pixels.T
+        n_channels, n = y.shape
+        offset = OFFSET * y.mean(1, keepdims=True)
+        target = np.arcsinh(0.5 * y / offset)
+        level = np.log(y.sum(1) / np.maximum(transfer.sum((1, 2)), 1e-300))[:, None]
+        common = CONTRAST**2 * (COMMON + (1.0 - COMMON) * np.eye(n_channels))
+        off = np.zeros((n_channels, transfer.shape[2]))
+        for step in range(STEPS + 1):
+            of_cell = transfer * np.exp(level + off)[:, None]
+            made = of_cell.sum(-1)
+            residual = target - np.arcsinh(0.5 * made / offset)
+            jacobian = (of_cell / np.hypot(made, 2.0 * offset)[..., None]).reshape(n_channels * n, -1)
+            # The covariance of the pixels under the prior of the light
+            rough = jacobian @ self.grid.root
+            matrix = (rough @ rough.T + (jacobian * self.grid.own) @ jacobian.T).reshape(
+                n_channels, n, n_channels, n
+            )
+            matrix *= common[:, None, :, None]
+            sums = jacobian.sum(-1).reshape(n_channels, n)
+            for c in range(n_channels):
+                matrix[c, :, c] += LEVEL**2 * np.outer(sums[c], sums[c])
+            square = matrix.reshape(n_channels * n, -1)
+            square[np.diag_indices(n_channels * n)] += NOISE**2
+            if step == STEPS:
+                break
+            by_channel = jacobian.reshape(n_channels, n, -1)
+            pulled = residual + np.einsum("cpl,cl->cp", by_channel, off)
+            alpha = np.linalg.solve(square, pulled.ravel()).reshape(n_channels, n)
+            pull = np.einsum("cpl,cp->cl", by_channel, alpha)
+            wanted = LEVEL**2 * pull.sum(1)[:, None] + self.grid.smoothed(common @ pull)
+            change = wanted - off
+            off = off + change * min(1.0, LONGEST / max(float(np.abs(change).max()), 1e-12))
+        squares = float((pull * wanted).sum())
+        log_det = 2.0 * float(np.log(np.diag(np.linalg.cholesky(square))).sum())
+        evidence = -0.5 * (float((residual**2).sum()) / NOISE**2 + squares + log_det)
+        return Guess(evidence, residual, np.exp(level + off).T)
+
+    def light(self, lobes: Lobes) -> Array:
+        """The most probable light (row, column, channel) under a material."""
+        found = self.guess(self.transfer(lobes)).light
+        return found.reshape(self.grid.rows, 2 * self.grid.rows, -1)
+
+
+def material(scene: Scene, space: MaterialSpace, gaussian: Gaussian) -> tuple[Array, Array]:
+    """Unknowns (unknown,) of the material, and their covariance (unknown, unknown)."""
+    candidates = np.vstack([gaussian.mean, space.variables.unknowns(space.curves)])
+    evidence = np.array([scene.guess(scene.transfer(raw_lobes(x, gaussian))).evidence for x in candidates])
+    weights = _weights(evidence, SHARPNESS)
+    x = weights @ candidates
+    off = candidates - x
+    spread = off.T @ (_weights(evidence, CAUTION)[:, None] * off)
+    return x, spread + LEFT * np.linalg.inv(gaussian.precision)
+
+
+def _weights(evidence: Array, power: float) -> Array:
+    weights = np.exp(power * (evidence - evidence.max()))
+    return np.asarray(weights / weights.sum())
