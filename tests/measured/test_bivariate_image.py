@@ -91,7 +91,8 @@ def test_images_of_another_size_are_refused_before_they_are_decoded(tmp_path, pi
         content[at : at + 16] = struct.pack("<4i", 0, 0, size[0] - 1, size[1] - 1)
     exr.write_bytes(content)
     for path in (png, exr):
-        text = f"{path}: not an image slice: expected 1 to {MAX_SIDE} pixels on a side, got {size[0]} x {size[1]}."
+        need = f"an EXR, HDR or PNG file of 1 to {MAX_SIDE} pixels on a side"
+        text = f"{path}: not an image slice: expected {need}, got {size[0]} x {size[1]}."
         with pytest.raises(ValueError, match=text):
             read(path)
 

@@ -106,6 +106,17 @@ def test_uncertainties_of_single_channels_and_in_percent(write):
         read(write(f"{HEADER},r,std_g\n10,20,180,1,2\n"))
 
 
+def test_a_sample_without_a_value_needs_no_uncertainty(write):
+    samples = read(
+        write(f"{HEADER},brdf,u_brdf\n10,20,180,0.1,0.01\n10,30,180,NA,NA\n10,40,180,-0.001,0.01\n")
+    )
+    # What is negative counts, since its uncertainty is known
+    assert_array_equal(samples.values, [[0.1], [np.nan], [-0.001]])
+    assert np.isfinite(samples.weights).all()
+    with pytest.raises(ValueError, match="'u_brdf' must be > 0 and finite, got nan in line 3"):
+        read(write(f"{HEADER},brdf,u_brdf\n10,20,180,0.1,0.01\n10,30,180,0.1,NA\n"))
+
+
 # Names of channels
 
 

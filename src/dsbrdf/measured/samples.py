@@ -427,6 +427,8 @@ class _Columns:
                 raise ValueError(
                     f"column {label} is the uncertainty of {channel}, which is not there; got {self.listed}."
                 )
+            # Where there is no value, none is needed
+            std = np.where(np.isfinite(values).any(1) | np.isfinite(std), std, 1.0)
             bad = np.flatnonzero(~((std > 0.0) & np.isfinite(std)))
             if bad.size:
                 raise ValueError(
