@@ -208,10 +208,9 @@ def fit_image(
     --------
     >>> import dsbrdf
     >>> from dsbrdf.images import Light, fit_image, relight
-    >>> models = [dsbrdf.library.load(name) for name in ("blue-acrylic", "delrin", "nickel")]
     >>> lamp = Light.distant([[0.0, 0.6, 0.8], [0.9, 0.3, 0.3162]], 3.0)
-    >>> picture = relight(models[0], "sphere", lamp, size=24)
-    >>> found = fit_image(picture, "sphere", lamp, prior=dsbrdf.space.build_space(models[1:]))
+    >>> picture = relight(dsbrdf.library.load("blue-acrylic"), "sphere", lamp, size=24)
+    >>> found = fit_image(picture, "sphere", lamp, prior=dsbrdf.space.builtin())
     >>> found.model.n_channels
     3
     """
