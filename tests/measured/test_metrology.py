@@ -129,6 +129,8 @@ def test_cornell_as_in_pbrt(write):
     assert_array_equal(samples.values, [[1.2, 1.1, 1.0], [0.3, 0.2, 0.1]])
     with pytest.raises(ValueError, match="the file ends early, after line 5"):
         read(write(text[:60], "cut.brdf"))
+    with pytest.raises(ValueError, match="no header that names a direction"):
+        read(write(f"{'9' * 400}\n450 550\n0.5 0 0.5 3.1\n", "huge.brdf"))
 
 
 ZEMAX = """#Data by hand

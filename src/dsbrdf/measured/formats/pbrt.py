@@ -31,7 +31,7 @@ def is_pbrt(head: bytes) -> bool:
     # The last line of a longer file is cut
     lines = lines[:-1] if len(head) >= HEAD else lines
     words = [found for line in lines if (found := line.split(b"#")[0].split())]
-    if len(words) < 3 or len(words[0]) != 1 or not words[0][0].isdigit():
+    if len(words) < 3 or len(words[0]) != 1 or not words[0][0].isdigit() or len(words[0][0]) > 5:
         return False
     try:
         numbers = [float(word) for line in words for word in line]
