@@ -1,4 +1,4 @@
-"""Writing files so that nothing half-written is ever in place."""
+"""Writing files so that nothing half-written is ever in place, under names that no material can choose freely."""
 
 from __future__ import annotations
 
@@ -6,15 +6,69 @@ import contextlib
 import errno
 import hashlib
 import os
+import secrets
 import stat
-import threading
+import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-__all__ = ["aside", "check_replaceable", "is_ours", "regular_size", "sha256"]
+__all__ = ["aside", "check_replaceable", "file_key", "file_name", "is_ours", "regular_size", "sha256"]
 
 #: Files of ours say so within so many bytes of their beginning or end.
 MARK, MARK_WITHIN = b"dsbrdf", 4096
+#: Most bytes of a material's name in that of a file, which leaves room for endings.
+MAX_NAME = 200
+#: Characters of ASCII that some system has no place for in a name.
+_SPECIAL = frozenset('<>:"/\\|?*')
+#: Names of devices on Windows, with any ending.
+_DEVICES = frozenset(
+    [
+        "con",
+        "prn",
+        "aux",
+        "nul",
+        "conin$",
+        "conout$",
+        *(f"{port}{n}" for port in ("com", "lpt") for n in "0123456789¹²³"),
+    ]
+)
+
+
+def file_name(name: str) -> str:
+    """A material's name as that of a file, without ending: whatever the name, the file lies in the folder it is for.
+
+    Characters that a system gives a meaning to, or that do not show, become %XX, their bytes in UTF-8, as do a point,
+    minus or blank in front and a point or blank at the end; a long name is cut, and ends in a number of its own.
+
+    Examples
+    --------
+    >>> file_name("../victim/package")
+    '%2E.%2Fvictim%2Fpackage'
+    >>> file_name("gold, brushed")
+    'gold, brushed'
+    """
+    last = len(name) - 1
+    inside = "".join(
+        _encoded(c)
+        if c in _SPECIAL or not c.isprintable() or (i == 0 and c in ".- ~") or (i == last and c in ". ")
+        else c
+        for i, c in enumerate(name)
+    )
+    if inside.split(".")[0].rstrip().casefold() in _DEVICES:
+        inside = _encoded(inside[0]) + inside[1:]
+    if len(inside.encode()) > MAX_NAME:
+        mark = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+        inside = f"{inside.encode()[: MAX_NAME - 17].decode(errors='ignore').rstrip('. ')}-{mark}"
+    return inside or "unnamed"
+
+
+def file_key(path: str | Path) -> str:
+    """What two paths have in common that are the same file on some system: those that differ only in case."""
+    return unicodedata.normalize("NFC", str(path)).casefold()
+
+
+def _encoded(character: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in character.encode("utf-8", "surrogatepass"))
 
 
 @contextlib.contextmanager
@@ -24,13 +78,17 @@ def aside(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If the folder cannot be made, or `path` in it not be written; names the one it is.
+        If the folder cannot be made, or `path` in it not be written; names the one it is. Also if `path` is no regular
+        file, such as a device, which would be replaced. A link is replaced, not what it leads to.
     """
     path = Path(path)
-    if not path.name:
+    if not path.name or path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "not a regular file, and is not replaced", str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.part")
+    # A name that nobody can have put a link at
+    part = path.with_name(f".dsbrdf-{secrets.token_hex(8)}.part")
     try:
         yield part
         part.replace(path)

@@ -323,13 +323,6 @@ def test_two_runs_in_a_folder(database, tmp_path):
     assert all(outcome.kept for outcome in run(database, out))
 
 
-@pytest.mark.parametrize("name", ["../up", "a/b", "a\\b", "", "x" * 121, "new\nline"])
-def test_names_that_cannot_be_those_of_files(small_table, tmp_path, name):
-    (outcome,) = batch.fit_many([dataclasses.replace(small_table, name=name)], tmp_path / "out", **OPTIONS)
-    assert "is no name of a file" in outcome.status
-    assert files_in(tmp_path) == ["out"]
-
-
 def test_a_folder_that_holds_nothing(tmp_path, database):
     (tmp_path / "empty").mkdir()
     targets, failures = batch.expand([tmp_path / "empty", database / "a.binary"])

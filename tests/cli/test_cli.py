@@ -258,7 +258,7 @@ def test_two_files_of_one_name(run, gold_file, tmp_path):
     status, _, err = run("fit", gold_file, tmp_path / "gold.binary", "-o", out)
     assert status == 1
     (line,) = err
-    assert f"{out / 'gold.json'} is already the model of {gold_file}" in line
+    assert f"{out / 'gold.json'} is already the file of {gold_file}" in line
     assert dsbrdf.load(out / "gold.json").source.to_json()["file"] == "gold.binary"
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from dsbrdf import _files
 from dsbrdf.batch.dispatch import ExecutorLostError, Executors, WorkerDiedError, dispatched
-from dsbrdf.batch.jobs import Answer, Job, Order, Target, label_of, open_target
+from dsbrdf.batch.jobs import FIGURES, Answer, Job, Order, Target, label_of, open_target
 from dsbrdf.batch.lock import BusyError
 from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path
 from dsbrdf.measured.formats.nbrdf import npy_set
@@ -230,7 +230,7 @@ def fit_many(
     said = {"reading": dict(reading)} if reading else {}
     book = Book(folder if record else None, options | said, force=force)
     order = Order(options, reading or {}, book.folder is not None, plots)
-    taken: dict[Path, tuple[int, str]] = {}
+    taken: dict[str, tuple[int, str]] = {}
     outcomes: dict[int, Outcome] = {}
     failures: list[tuple[str, str]] = []
     told = 0
@@ -242,15 +242,18 @@ def fit_many(
         return Outcome(label, status=failures[-1][1], error=error)
 
     def claim(path: Path, index: int, label: str) -> None:
-        """Of two materials of a name the first among the targets gets the file, whichever was fitted first."""
-        first, second = sorted([taken.get(path, (index, label)), (index, label)])
-        taken[path] = first
-        if first == second:
-            return
-        error = ValueError(f"{path} is already the model of {first[1]}. Give it another folder.")
-        if second[0] == index:
-            raise _FailedError(error)
-        outcomes[second[0]] = fail(second[1], error)
+        """Of two materials of one file, also on a system that tells no case, the first among the targets gets it."""
+        for file in (path, *((figure_path(path, ending) for ending in FIGURES) if plots else ())):
+            key = _files.file_key(file)
+            first, second = sorted([taken.get(key, (index, label)), (index, label)])
+            taken[key] = first
+            if first == second:
+                continue
+            error = ValueError(f"{file} is already the file of {first[1]}. Give it another folder.")
+            if second[0] == index:
+                raise _FailedError(error)
+            book.forget(outcomes[second[0]].path, but=path)
+            outcomes[second[0]] = fail(second[1], error)
 
     with (
         book.kept(failures),
@@ -263,7 +266,7 @@ def fit_many(
             try:
                 if answer.error is not None:
                     raise _FailedError(answer.error)
-                path = None if folder is None else folder / f"{_file_name(answer.name)}.json"
+                path = None if folder is None else folder / f"{_files.file_name(answer.name)}.json"
                 if path is not None:
                     claim(path, job.index, label)
                 outcomes[job.index] = _finished(label, answer, path, book)
@@ -311,14 +314,3 @@ def _finished(label: str, answer: Answer, path: Path | None, book: Book) -> Outc
         entry |= {"summary": answer.summary, "status": status, "options": book.options}
         book.add(answer.name, entry)
     return Outcome(label, answer.summary, path, status)
-
-
-def _file_name(name: str) -> str:
-    """The name, if it can be that of a file: what is read never decides where something is written."""
-    if not name or Path(name).name != name or "\\" in name or not name.isprintable() or len(name) > 120:
-        raise _FailedError(
-            ValueError(
-                f"{name!r:.60} is no name of a file: expected up to 120 printable characters without / and \\."
-            )
-        )
-    return name

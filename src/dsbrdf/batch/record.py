@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import _files
+from dsbrdf import _files, _text
 from dsbrdf.batch import lock
 
 __all__ = ["LOCK", "RECORD", "TABLES", "Book", "figure_path"]
@@ -81,17 +81,30 @@ class Book:
             return None
         return source if isinstance(source.get("sha256"), str) else None
 
+    def _path(self, name: str) -> Path:
+        assert self.folder is not None
+        return self.folder / f"{_files.file_name(name)}.json"
+
+    def forget(self, path: Path | None, *, but: Path) -> None:
+        """Remove a model whose name another one has, unless `but`, the other's file, replaces it."""
+        if path is None or path == but:
+            return
+        path.unlink(missing_ok=True)
+        self.entries = {
+            name: entry for name, entry in self.entries.items() if self.folder and self._path(name) != path
+        }
+
     def _is_intact(self, name: str, entry: Mapping[str, Any]) -> bool:
         assert self.folder is not None
         try:
-            hashed = _files.sha256(self.folder / f"{name}.json")
+            hashed = _files.sha256(self._path(name))
         except OSError:
             return False
         return bool(hashed == entry["model_sha256"])
 
     def _has_figures(self, name: str) -> bool:
         assert self.folder is not None
-        path = self.folder / f"{name}.json"
+        path = self._path(name)
         return all(figure_path(path, ending).exists() for ending in ("", "-parameters"))
 
     def add(self, name: str, entry: dict[str, Any]) -> None:
@@ -198,22 +211,26 @@ def _is_sound(entry: Mapping[str, Any]) -> bool:
 
 def _row(name: str, summary: Mapping[str, Any], status: str) -> dict[str, Any]:
     numbers = {key: summary.get(key) for key in HEADS}
-    return {"name": name, **numbers, "status": " ".join(status.split())}
+    return {"name": name, **numbers, "status": status}
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(
+        {key: _text.csv_cell(cell) if isinstance(cell, str) else cell for key, cell in row.items()}
+        for row in rows
+    )
     return text.getvalue()
 
 
 def _markdown(rows: Sequence[Mapping[str, Any]], options: Mapping[str, Any]) -> str:
     heads = ["material", *(head for head, _ in HEADS.values()), "status"]
+    told = _text.markdown_cell(", ".join(f"{key} {value}" for key, value in options.items()))
     lines = [
-        f"Fits with {', '.join(f'{key} {value}' for key, value in options.items())}. Errors over the whole "
-        "hemisphere: relative RMS of values (rel) and of cube roots of f cos cos (cbrt), RMS of logarithms (log), "
+        f"Fits with {told}. Errors over the whole hemisphere: relative RMS of values (rel) and of cube roots "
+        "of f cos cos (cbrt), RMS of logarithms (log), "
         "relative error of the albedo; floors of rel.",
         "",
         "| " + " | ".join(heads) + " |",
@@ -221,8 +238,8 @@ def _markdown(rows: Sequence[Mapping[str, Any]], options: Mapping[str, Any]) -> 
     ]
     for row in rows:
         numbers = [_number(row[key], digits) for key, (_, digits) in HEADS.items()]
-        cells = [row["name"], *numbers, row["status"]]
-        lines.append("| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |")
+        cells = [_text.markdown_cell(row["name"]), *numbers, _text.markdown_cell(row["status"])]
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 

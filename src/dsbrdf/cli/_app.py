@@ -19,7 +19,9 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["State", "app", "check_folder", "check_output", "main", "missing_plots", "say"]
+from dsbrdf import _text
+
+__all__ = ["State", "app", "check_folder", "check_output", "main", "missing_plots", "say", "tell"]
 
 INTERRUPTED = 130
 
@@ -60,7 +62,12 @@ class State:
 
 def say(text: str) -> None:
     """One line to standard error."""
-    print("dsbrdf:", " ".join(text.split("\n")), file=sys.stderr)
+    print("dsbrdf:", _text.shown(" ".join(text.split("\n"))), file=sys.stderr)
+
+
+def tell(text: object, *, error: bool = False) -> None:
+    """A line or more to standard output, or to standard error; what would drive a terminal is shown instead."""
+    print(_text.shown(text, keep="\n"), file=sys.stderr if error else sys.stdout, flush=True)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

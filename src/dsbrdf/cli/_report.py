@@ -15,6 +15,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from dsbrdf import _text
+
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome
     from dsbrdf.fitting.plan import Plan
@@ -50,11 +52,32 @@ PLAIN_WIDTH = 160
 def _console() -> Console:
     """Writer to standard output; it takes text as it is, and wide lines where there is no terminal."""
     width = None if sys.stdout.isatty() else PLAIN_WIDTH
-    return Console(width=width, markup=False, highlight=False, emoji=False)
+    return _Console(width=width, markup=False, highlight=False, emoji=False)
+
+
+class _Console(Console):
+    """One that shows what would drive a terminal."""
+
+    def print(self, *parts: Any, **options: Any) -> None:
+        super().print(*(_printable(part) for part in parts), **options)
+
+
+class _Table(Table):
+    """The same in cells and heads."""
+
+    def add_column(self, header: Any = "", *rest: Any, **options: Any) -> None:
+        super().add_column(_printable(header), *rest, **options)
+
+    def add_row(self, *cells: Any, **options: Any) -> None:
+        super().add_row(*(_printable(cell) for cell in cells), **options)
+
+
+def _printable(part: Any) -> Any:
+    return _text.shown(part, keep="\n") if isinstance(part, str) else part
 
 
 def _table(*columns: str, gap: int = 2) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, gap - 1, 0, 0), pad_edge=False, show_edge=False)
+    table: Table = _Table(box=SIMPLE_HEAD, padding=(0, gap - 1, 0, 0), pad_edge=False, show_edge=False)
     for i, column in enumerate(columns):
         table.add_column(column, justify="right" if i else "left", overflow="fold")
     return table
@@ -229,7 +252,7 @@ def progress(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None
     # Standard output may be going elsewhere: leave it alone
     with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
         task, done = bar.add_task("", total=total), itertools.count()
-        yield lambda about: bar.update(task, description=about, completed=next(done))
+        yield lambda about: bar.update(task, description=_text.shown(about), completed=next(done))
 
 
 def print_plan(found: Plan) -> None:

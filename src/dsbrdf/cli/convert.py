@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, say
+from dsbrdf.cli._app import State, app, check_output, say, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def convert(
 
 
 def _tell(done: Conversion) -> None:
-    print(done, flush=True)
+    tell(done)
     if done.coverage < SPARSE:
         say(f"warning: {done.path} is nearly empty. Fit what was measured, and convert the model.")
 

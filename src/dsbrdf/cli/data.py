@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import app
+from dsbrdf.cli._app import app, tell
 
 commands = typer.Typer(help="Get measured databases: their licences, their files, and where these are.")
 app.add_typer(commands, name="data")
@@ -45,9 +45,9 @@ def list_(
         path.name.removesuffix(of.file.format("")) for path in databases.fetched(of.name)
     )
     for name in names:
-        print(f"{name} (here)" if of.file.format(name) in here else name)
+        tell(f"{name} (here)" if of.file.format(name) in here else name)
     if not of.names:
-        print(f"All are listed at {of.page}")
+        tell(f"All are listed at {of.page}")
 
 
 @commands.command()
@@ -69,7 +69,7 @@ def fetch(
     with _progress() as told:
         paths = databases.fetch(of.name, names or (), url=url, told=told)
     for path in paths:
-        print(path)
+        tell(path)
 
 
 @commands.command("path")
@@ -77,7 +77,7 @@ def path() -> None:
     """Print the folder of the databases."""
     from dsbrdf.measured import databases
 
-    print(databases.folder())
+    tell(databases.folder())
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, say, tell
 
 if TYPE_CHECKING:
     from dsbrdf.cli._demo import DemoRow
@@ -49,7 +49,7 @@ def demo(
     if view:
         from dsbrdf.view import collect
 
-        typer.echo(f"Page: {collect.view_files([row.path for row in rows], out)}")
+        tell(f"Page: {collect.view_files([row.path for row in rows], out)}")
 
 
 def _print_rows(rows: Sequence[DemoRow], written: str) -> None:
@@ -75,4 +75,4 @@ def _print_rows(rows: Sequence[DemoRow], written: str) -> None:
     console.print(table)
     console.print()
     console.print(ABOUT)
-    console.print(f"Written: {written}", soft_wrap=True)
+    console.tell(f"Written: {written}", soft_wrap=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, say
+from dsbrdf.cli._app import State, app, check_output, say, tell
 from dsbrdf.cli._reading import takes_reading
 from dsbrdf.export import FORMATS
 
@@ -58,6 +58,6 @@ def export(
     for _, model in open_models([material], state, reading):
         chosen = None if channels is None else channels.split(",")
         lost = write(model, path, to, channels=chosen, force=force)
-    print(f"Written: {path}")
+    tell(f"Written: {path}")
     if lost:
         say(lost)

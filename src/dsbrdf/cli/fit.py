@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots, say
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, say, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def fit(
         from dsbrdf.view import collect
 
         page = collect.view_files([outcome.path for outcome in results if outcome.path], out)
-        print(f"Page: {page}", file=sys.stderr if as_json else sys.stdout)
+        tell(f"Page: {page}", error=as_json)
     if failures:
         raise typer.Exit(1)
 

@@ -135,10 +135,10 @@ def print_model(model: DSBRDF) -> None:
 
 
 def _origin(model: DSBRDF) -> Any:
-    from rich.table import Table
+    from dsbrdf.cli._report import _Table
 
     source = model.source.to_json()
-    table = Table.grid(padding=(0, 2, 0, 0))
+    table = _Table.grid(padding=(0, 2, 0, 0))
     table.add_column()
     table.add_column(overflow="fold")
     table.add_row("name", model.name or "-")

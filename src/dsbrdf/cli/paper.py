@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder
+from dsbrdf.cli._app import State, app, check_folder, tell
 
 
 @app.command(name="paper")
@@ -32,4 +32,4 @@ def paper_figures(
     state: State = context.obj
     with report.progress(paper.n_steps(what, data)) as step:
         for path in paper.run(what, data, out, state.announce(step)):
-            typer.echo(path)
+            tell(path)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say, tell
 
 UNKNOWN = "unknown"
 
@@ -142,10 +142,10 @@ def photo(
             plot.write_figure(sheets.sheet(found), compare)
     if bright := energy.warning([found.model]):
         say(bright)
-    typer.echo(found.summary)
+    tell(found.summary)
     for path in (out, light_out, compare):
         if path is not None:
-            typer.echo(path)
+            tell(path)
 
 
 def _lights(light: str, n: int) -> Any:

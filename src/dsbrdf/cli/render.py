@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, tell
 
 
 class Loss(StrEnum):
@@ -84,4 +84,4 @@ def render(
 
         plot.write_figure(picture.sheet(rows), path)
     report.print_pictures(rows)
-    typer.echo(path)
+    tell(path)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say
+from dsbrdf import _files
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say, tell
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
@@ -82,7 +83,7 @@ def build(
     report.print_space(made, out)
     if view is not None:
         write_page(opened, view, space=made)
-        typer.echo(f"Page: {view}")
+        tell(f"Page: {view}")
 
 
 @space.command()
@@ -103,7 +104,7 @@ def plot(
     with report.progress(len(figures.FIGURES)) as step:
         written = figures.write_all(made, out, step)
     for file in written:
-        typer.echo(file)
+        tell(file)
 
 
 @space.command()
@@ -215,7 +216,7 @@ def _material(made: MaterialSpace, name: str) -> DSBRDF:
 
 
 def _stem(name: str) -> str:
-    return "-".join(name.replace("%", "").split())
+    return _files.file_name("-".join(name.replace("%", "").split()))
 
 
 def _write(model: DSBRDF, out: Path | None, *inputs: str) -> None:
@@ -223,4 +224,4 @@ def _write(model: DSBRDF, out: Path | None, *inputs: str) -> None:
     check_output(path, inputs)
     check_folder(path.parent)
     model.save(path)
-    typer.echo(path)
+    tell(path)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app
+from dsbrdf.cli._app import State, app, tell
 from dsbrdf.cli._reading import takes_reading
 
 
@@ -49,6 +49,6 @@ def view(
         opened = [collect.open_model(target, begin, reading) for target in targets]
     state.begin("")
     write_page(opened, out, space=laid_out)
-    typer.echo(out)
+    tell(out)
     if show:
         typer.launch(str(out))

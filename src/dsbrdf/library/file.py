@@ -233,19 +233,18 @@ def _check_names(names: Any, n: int) -> None:
     """Raise a ValueError unless these are `n` names, all different, that can be names of files."""
     if not isinstance(names, list) or len(names) != n:
         raise ValueError(f"{n:,} materials have no list of as many names.")
-    if len(set(names)) != n:
-        twice = next(name for i, name in enumerate(names) if name in names[:i])
-        raise ValueError(f"the name {twice!r:.60} is there twice: names must be different.")
+    seen: set[str] = set()
     for name in names:
-        if (
-            type(name) is not str
-            or not name.isprintable()
-            or not 0 < len(name) <= 120
-            or set(name) & set("/\\")
-        ):
+        if type(name) is not str or not name or _files.file_name(name) != name:
             raise ValueError(
-                f"{name!r:.60} is no name of a material: expected up to 120 printable characters without / and \\."
+                f"{name!r:.60} is no name of a material: expected what can be the name of a file on any system, up to "
+                "200 bytes of printable characters."
             )
+        if (key := _files.file_key(name)) in seen:
+            raise ValueError(
+                f"the name {name!r:.60} is there twice: names must be different, not only in case."
+            )
+        seen.add(key)
 
 
 def _record(model: DSBRDF) -> bytes:

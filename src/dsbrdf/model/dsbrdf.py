@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf import _text
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.source import Source
@@ -62,6 +63,7 @@ class DSBRDF:
     profile: MeasuredProfile | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "name", _text.well_formed(self.name))
         object.__setattr__(self, "channels", channel_names(self.channels, self.lobes.n_channels))
 
     @property
@@ -226,7 +228,7 @@ def channel_names(names: Sequence[str], n_channels: int) -> tuple[str, ...]:
     """
     if isinstance(names, str) or not names:
         names = {1: ("value",), 3: ("r", "g", "b")}.get(n_channels) or tuple(map(str, range(n_channels)))
-    found = tuple(str(name) for name in names)
+    found = tuple(_text.well_formed(str(name)) for name in names)
     if len(found) != n_channels or len(set(found)) != n_channels:
         raise ValueError(f"'channels' must be {n_channels} different names, got {list(found)!r:.200}.")
     return found

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import sphere
-from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, LOBE_COLOURS, LOBE_DASHES, STYLE
+from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, LOBE_COLOURS, LOBE_DASHES, STYLE, plain
 
 if TYPE_CHECKING:
     from dsbrdf.fitting import Fit
@@ -242,7 +242,7 @@ def _headline(fit: Fit, join: str) -> str:
     errors = fit.errors
     told = ", ".join(_told(errors.summary(), ("rel", "cbrt", "log", "albedo")))
     floors = ", ".join(_told(errors.summary(), ("bivariate_floor", "azimuthal_floor")))
-    title = f"{fit.model.name}: {_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
+    title = f"{plain(fit.model.name)}: {_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
     return f"{title}\n{told}{join}{floors}" if floors else f"{title}\n{told}"
 
 
@@ -259,7 +259,7 @@ def _draw_channels(
     axes: Any, plane: _Plane, channels: Sequence[tuple[int, str, Any]], size: float = 3.2
 ) -> None:
     for c, name, colour in channels:
-        axes.plot(plane.curve_at, plane.curves[c], color=colour, label=f"{name}, fitted", zorder=3)
+        axes.plot(plane.curve_at, plane.curves[c], color=colour, label=f"{plain(name)}, fitted", zorder=3)
         axes.plot(
             plane.theta_h[::3], plane.values[c, ::3], "s", ms=size, mfc="white", mec=colour, mew=0.8, zorder=2
         )
@@ -304,7 +304,7 @@ def parameter_figure(model: DSBRDF, n: int = 181) -> Figure:
     at = model.lobes.at(theta_d)
     shown = _channels(model)
     drawn: list[tuple[str, Array, Callable[[Any, Array], None]]] = [
-        *((rf"$\kappa$, {name}", at.kappa[:, c], _kappa_axis) for c, name, _ in shown),
+        *((rf"$\kappa$, {plain(name)}", at.kappa[:, c], _kappa_axis) for c, name, _ in shown),
         (r"$\gamma$, all channels", at.gamma, _gamma_axis),
         (r"$\beta$, all channels", at.beta, _linear_axis),
         ("falloff, all channels", at.falloff, _linear_axis),
@@ -330,7 +330,7 @@ def parameter_figure(model: DSBRDF, n: int = 181) -> Figure:
             axes.set_xlabel(r"$\theta_d$ (degrees)")
         grid[0, -1].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
         figure.suptitle(
-            f"{model.name}: {_count(model.n_lobes, 'lobe')}, {model.n_parameters} numbers", fontsize=10
+            f"{plain(model.name)}: {_count(model.n_lobes, 'lobe')}, {model.n_parameters} numbers", fontsize=10
         )
     return figure
 
@@ -390,7 +390,7 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
 def _label(axes: Any, fit: Fit) -> None:
     errors = fit.errors
     axes.axis("off")
-    axes.text(0.0, 0.62, fit.model.name, weight="bold", fontsize=8.5)
+    axes.text(0.0, 0.62, plain(fit.model.name), weight="bold", fontsize=8.5)
     text = f"{_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
     text += f"\nrel {errors.rel:.3f}, log {errors.log:.3f}"
     text += f"\ncbrt {errors.cbrt:.3f}, albedo {errors.albedo:.3f}"

@@ -118,7 +118,7 @@ def _map(
             axes.add_artist(AnnotationBbox(image, at[i], frameon=False, pad=0.0))
         for name, place in zip(names, at, strict=False) if len(names) <= MOST_NAMES else ():
             # Below the sphere, which is `size` inches high
-            axes.annotate(name, place, (0.0, -36.0 * size - 2.0), textcoords="offset points", ha="center",
+            axes.annotate(style.plain(name), place, (0.0, -36.0 * size - 2.0), textcoords="offset points", ha="center",
                           va="top", fontsize=6.5, zorder=5)  # fmt: skip
         axes.grid(True)
         axes.set_axisbelow(True)
@@ -218,7 +218,12 @@ def blend_figure(space: MaterialSpace, pairs: Sequence[tuple[str, str]] = ()) ->
     rows = []
     for a, b in chosen:
         first, last = (space.curves[space.names.index(name)] for name in (a, b))
-        rows.append((f"{a} to {b}", [space.decode((1.0 - t) * first + t * last) for t in shares]))
+        rows.append(
+            (
+                f"{style.plain(a)} to {style.plain(b)}",
+                [space.decode((1.0 - t) * first + t * last) for t in shares],
+            )
+        )
     return _strips(rows, [f"{t:.0%}" for t in shares], CAPTION)
 
 

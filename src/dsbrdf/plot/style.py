@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from dsbrdf import _files
+from dsbrdf import _files, _text
 
 __all__ = [
     "CHANNEL_COLOURS",
@@ -20,6 +20,7 @@ __all__ = [
     "LOBE_MARKERS",
     "PALE",
     "STYLE",
+    "plain",
     "write_figure",
 ]
 
@@ -48,6 +49,14 @@ STYLE: dict[Any, Any] = {
     "ytick.labelsize": 8.5,
 }
 DPI = 150
+#: Characters of a name that a figure has room for.
+MAX_NAME = 80
+
+
+def plain(name: str) -> str:
+    """A name in a figure, where it is no formula and has no line breaks."""
+    short = name if len(name) <= MAX_NAME else f"{name[:MAX_NAME]} ..."
+    return _text.shown(short).replace("$", r"\$")
 
 
 def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:

@@ -133,10 +133,12 @@ def _draw_bar(figure: Figure, shown: Any, level: float) -> None:
 
 def _draw_row(lines: Any, row: Row) -> Any:
     """Draw tiles and maps; the last map, if there is one."""
+    from dsbrdf.plot.style import plain
+
     shown = None
     for i, (axes, tile) in enumerate(zip(lines[0], row.tiles, strict=False)):
         axes.imshow(tone_map(tile.image, row.exposure), interpolation="antialiased")
-        title = f"{row.title}\n{tile.title}" if i == 0 and row.title else tile.title
+        title = f"{plain(row.title)}\n{plain(tile.title)}" if i == 0 and row.title else plain(tile.title)
         axes.set_title(title, fontsize=8, pad=3)
         if tile.difference is None:
             continue

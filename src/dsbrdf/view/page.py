@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -25,6 +26,8 @@ __all__ = ["constants", "frame", "page", "view"]
 
 #: A page of a hundred materials is to stay below; what was measured gives way.
 MAX_BYTES = 1_000_000
+#: Places in the template.
+_MARK = re.compile(r"(?:/\*|<!--)\{(\w+)\}(?:\*/|-->)")
 #: For what is not counted before: places on the map, and a few constants.
 RESERVE = 20_000
 
@@ -74,27 +77,21 @@ def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = Non
     models = _named([models] if isinstance(models, DSBRDF) else list(models))
     if not models:
         raise ValueError("'models' must hold at least one model, got none.")
-    text = _read("template.html")
-    fixed = {
-        "/*{style}*/": _read("style.css"),
-        "/*{script}*/": bundle(),
-        "/*{shaders}*/": _json(shader.sources()),
-    }
-    for mark, part in fixed.items():
-        text = text.replace(mark, part, 1)
-    packed = data.pack(models, MAX_BYTES - RESERVE - len(text.encode()))
+    # Marks and what comes between them, so that nothing that is put in is searched for marks
+    pieces = _MARK.split(_read("template.html"))
+    parts = {"style": _read("style.css"), "script": bundle(), "shaders": _json(shader.sources())}
+    fixed = sum(len(part.encode()) for part in (*pieces[::2], *parts.values()))
+    packed = data.pack(models, MAX_BYTES - RESERVE - fixed)
     places, description = layout.place(models, space)
     for entry, place in zip(packed.materials, places, strict=True):
         entry |= place
-    numbers = {
-        "/*{meta}*/": _json(_meta(packed, description)),
-        "/*{floats}*/": packed.floats,
-        "/*{words}*/": packed.words,
-        "<!--{about}-->": html.escape(_about(packed)),
+    parts |= {
+        "meta": _json(_meta(packed, description)),
+        "floats": packed.floats,
+        "words": packed.words,
+        "about": html.escape(_about(packed)),
     }
-    for mark, part in numbers.items():
-        text = text.replace(mark, part, 1)
-    return text
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
 
 
 def frame(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = None, height: int = 860) -> str:

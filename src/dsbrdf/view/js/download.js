@@ -51,7 +51,13 @@ function offer(text, name, type) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-const fileStem = () => shownModel().name.replace(/[^\w.-]+/g, "-");
+/** A name for a file, of letters, digits, points and minus signs alone: the browser keeps it in its folder of downloads. */
+const fileStem = () =>
+  shownModel()
+    .name.replace(/[^\p{L}\p{N}.-]+/gu, "-")
+    .replace(/^[.-]+|[.-]+$/g, "")
+    .slice(0, 60)
+    .replace(/^(con|prn|aux|nul|com\d|lpt\d)(?=\.|$)/i, "$1-") || "unnamed";
 
 function tell(text) {
   document.getElementById("downloads-note").textContent = text;
