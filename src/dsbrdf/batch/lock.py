@@ -50,7 +50,11 @@ def held(path: Path) -> Iterator[None]:
 
 def _locked(path: Path) -> IO[str]:
     while True:
-        file = path.open("a+", encoding="utf-8")
+        # A link would have what it leads to emptied
+        flags = (
+            os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+        )
+        file = os.fdopen(os.open(path, flags, 0o666), "a+", encoding="utf-8")
         try:
             _lock(file)
         except OSError as error:

@@ -186,6 +186,7 @@ def _told(option: Any) -> str:
 def _read_record(path: Path) -> dict[str, dict[str, Any]]:
     """Entries of a record; those that are not sound, or all if it is none, are as if they had never been."""
     try:
+        _files.regular_size(path)
         head, *lines = map(_parsed, path.read_text(encoding="utf-8", errors="replace").splitlines())
     except (OSError, ValueError):
         return {}

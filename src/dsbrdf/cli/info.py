@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app
+from dsbrdf.cli._app import State, app, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None =
         if not isinstance(measured, Samples):
             raise ValueError(f"{path}: a table; 'dsbrdf fit --plot' draws it with its fit.")
         plot.write_figure(plot.samples_figure(measured), figure)
-        typer.echo(figure)
+        tell(figure)
 
 
 def _ranges(measured: Samples | MeasuredBRDF) -> list[tuple[str, float, float]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import app, check_folder, check_output
+from dsbrdf.cli._app import app, check_folder, check_output, tell
 
 if TYPE_CHECKING:
     from dsbrdf.library import Library
@@ -29,7 +29,7 @@ File = Annotated[
 def list_names(path: File = None) -> None:
     """Print the names of the materials, a line each."""
     for name in _open(path).names:
-        typer.echo(name)
+        tell(name)
 
 
 @library.command()
@@ -44,7 +44,7 @@ def show(
     print_model(model)
     about = opened.sources.get(model.source.description, {})
     for key, text in about.items():
-        typer.echo(f"{key}: {text}")
+        tell(f"{key}: {text}")
 
 
 @library.command()
@@ -65,7 +65,7 @@ def write(
     check_output(out, files)
     check_folder(out.parent)
     libraries.write(out, map(model_file.load, files))
-    typer.echo(f"{out}: {len(files)} materials")
+    tell(f"{out}: {len(files)} materials")
 
 
 def _open(path: Path | None) -> Library:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, tell
 from dsbrdf.cli._reading import takes_reading
 
 
@@ -75,10 +75,10 @@ def plan(
     )
     found.save(out)
     report.print_plan(found)
-    typer.echo(out)
+    tell(out)
     if picture is not None:
         from dsbrdf import plot
         from dsbrdf.plot.plan import plan_figure
 
         plot.write_figure(plan_figure(found), picture)
-        typer.echo(picture)
+        tell(picture)

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf import _files
 from dsbrdf.images.light import Light
 from dsbrdf.measured.formats import image_file
+from dsbrdf.measured.formats.array_file import read_npy_array
 
 __all__ = ["Stack", "read_lights", "read_mask", "read_normals", "read_stack"]
 
@@ -22,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Numbers of a light: a direction, or a direction and three irradiances.
 DIRECTION, COLOURED = 3, 6
+#: Most bytes of a list.
+MAX_TEXT = 200_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +72,15 @@ def _light(row: list[float], where: str) -> Light:
     return Light.distant(direction / length, np.array([row[DIRECTION:] or [1.0] * 3]))
 
 
+def _text(path: Path) -> str:
+    if _files.regular_size(path) > MAX_TEXT:
+        raise ValueError(f"{path}: more than {MAX_TEXT:,} bytes are no list of lights or normals.")
+    return path.read_text(encoding="utf-8-sig", errors="replace")
+
+
 def _numbers(path: Path, *, header: bool = False) -> list[list[float]]:
     rows = []
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    lines = _text(path).splitlines()
     for i, line in enumerate(lines):
         words = line.split("#")[0].replace(",", " ").split()
         if not words:
@@ -107,7 +117,7 @@ def read_normals(path: str | Path) -> Array:
     """
     path = Path(path)
     if path.suffix.lower() == ".npy":
-        found = np.load(path, allow_pickle=False)
+        found = read_npy_array(path)
     else:
         found = image_file.read_pixels(path, decode=False)
         if path.suffix.lower() not in (".exr", ".hdr"):
@@ -130,11 +140,7 @@ def read_stack(folder: str | Path) -> Stack:
         If a file is missing or cannot be read.
     """
     folder = Path(folder)
-    names = [
-        line.strip()
-        for line in (folder / "filenames.txt").read_text(encoding="utf-8").splitlines()
-        if line.strip()
-    ]
+    names = [line.strip() for line in _text(folder / "filenames.txt").splitlines() if line.strip()]
     directions, intensities = (
         _numbers(folder / f"light_{what}.txt") for what in ("directions", "intensities")
     )

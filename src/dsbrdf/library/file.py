@@ -31,7 +31,7 @@ from dsbrdf import _files
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.model.lobes import FALLOFF, Lobes
+from dsbrdf.model.lobes import FALLOFF, Lobes, check_stored
 
 __all__ = ["SUFFIX", "Library", "LibraryFormatError", "open", "write"]
 
@@ -284,9 +284,11 @@ def _model(name: str, record: bytes, size: int) -> DSBRDF:
     parts = [part.reshape(shape) for part, shape in zip(np.split(numbers, ends[:-1]), shapes, strict=True)]
     # Single precision may have rounded the least falloff below its range
     parts[3] = np.clip(parts[3], *FALLOFF)
+    lobes = Lobes(*parts)
+    check_stored(lobes)
     source = content["source"]
     return DSBRDF(
-        Lobes(*parts),
+        lobes,
         [str(channel) for channel in channels],
         name=name,
         source=Source(description=str(source.get("description", "")), recorded=source),

@@ -15,7 +15,7 @@ from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.model.lobes import Lobes
+from dsbrdf.model.lobes import Lobes, check_stored
 
 __all__ = ["SCHEMA", "ModelFormatError", "dumps", "load", "loads", "models_in", "save"]
 
@@ -27,6 +27,8 @@ WIDTH = "azimuthal_width"
 PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
 #: Digits of angles and of values of the profile, which is there for plots.
 PROFILE_DIGITS = {"theta_d": 5, "theta_h": 5, "mean": 3, "amplitude": 3}
+#: Greatest number of a profile: pages hold single precision.
+MAX_PROFILE = 1e30
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
 #: Commas and brackets, as each may stand for 30 bytes of memory or more.
@@ -108,6 +110,11 @@ def _rounded(values: Any, digits: int) -> Any:
 def _profile_from_json(content: dict[str, Any]) -> MeasuredProfile:
     arrays = {name: _numbers(content, name) for name in PROFILE}
     theta_h = np.broadcast_to(arrays["theta_h"], (len(arrays["theta_d"]), arrays["theta_h"].shape[-1]))
+    for name, array in arrays.items():
+        if (np.abs(array) > MAX_PROFILE).any():
+            raise ValueError(
+                f"'{name}' of the profile must be within {MAX_PROFILE:g}, got {np.nanmax(np.abs(array)):g}."
+            )
     return MeasuredProfile(**(arrays | {"theta_h": theta_h}))
 
 
@@ -159,7 +166,7 @@ def loads(text: str, path: str = "model") -> DSBRDF:
     try:
         if text.count(",") + 2 * text.count("[") + 8 * text.count("{") > MAX_MARKS:
             raise ModelFormatError(f"{path}: not a model file: more values than any model has.")
-        content = json.loads(text)
+        content = json.loads(text, parse_float=_finite, parse_constant=_finite)
     except ModelFormatError:
         raise
     # A ValueError also comes of a number with thousands of digits
@@ -184,8 +191,10 @@ def loads(text: str, path: str = "model") -> DSBRDF:
                 f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
             )
     try:
+        lobes = Lobes(**{key: _numbers(content["lobes"], key) for key in LOBES})
+        check_stored(lobes)
         return DSBRDF(
-            Lobes(**{key: _numbers(content["lobes"], key) for key in LOBES}),
+            lobes,
             [str(name) for name in content["channels"]],
             name=str(content.get("name") or ""),
             source=Source(description=str(source.get("description", "")), recorded=source),
@@ -197,6 +206,14 @@ def loads(text: str, path: str = "model") -> DSBRDF:
         raise ModelFormatError(f"{path}: not a whole model file: {error} is missing.") from None
     except (TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
         raise ModelFormatError(f"{path}: not a sound model: {error}") from None
+
+
+def _finite(text: str) -> float:
+    """A number of JSON; NaN and Infinity are none, and would reach every page and export."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text:.20} is no finite number")
+    return value
 
 
 def _numbers(content: dict[str, Any], key: str) -> NDArray[np.float64]:

@@ -18,14 +18,36 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf import _check
 from dsbrdf._brief import Brief
 
-__all__ = ["FALLOFF", "MAX_BETA", "MAX_LN_KAPPA", "Lobes", "Parameters", "curve_design", "curve_places"]
+__all__ = [
+    "FALLOFF",
+    "MAX_BETA",
+    "MAX_LN_KAPPA",
+    "Lobes",
+    "Parameters",
+    "check_stored",
+    "curve_design",
+    "curve_places",
+]
 
 #: Greatest logarithm of kappa: the most that `expm1` holds.
 MAX_LN_KAPPA = 6.5
+#: What rounding may add to it in a file.
+KAPPA_SLACK = 1e-3
 #: Least and greatest falloff; above -1 a lobe's energy is finite.
 FALLOFF = (-0.9, 20.0)
 #: Greatest beta of a fit, either way.
 MAX_BETA = 2.0
+#: Least and greatest coefficients that a file may hold: wider than those of any fit, and narrow enough that no value
+#: overflows.
+LIMITS = {
+    "scale": (-1e3, 1e2),
+    "gamma": (-20.0, 20.0),
+    "beta": (-20.0, 20.0),
+    "falloff": FALLOFF,
+    "colour": (-1e2, 1e2),
+}
+#: Most lobes, channels and coefficients of a curve in a file.
+MAX_COUNTS = {"lobes": 100, "channels": 20_000, "coefficients": 100}
 #: Curves that all channels share.
 SHARED = ("scale", "gamma", "beta", "falloff")
 
@@ -173,6 +195,31 @@ class Lobes(Brief):
     def replace(self, **changes: Any) -> Lobes:
         """Return a copy with some arrays changed."""
         return dataclasses.replace(self, **changes)
+
+
+def check_stored(lobes: Lobes) -> None:
+    """Refuse what no fit gives and no later step could use; for lobes that come from a file.
+
+    Raises
+    ------
+    ValueError
+        If there are absurdly many lobes, channels or coefficients, or one is outside `LIMITS`, or kappa is beyond what
+        `expm1` holds.
+    """
+    counts = (lobes.n_lobes, lobes.n_channels, max(part.shape[-1] for part in lobes.parts))
+    for (what, most), count in zip(MAX_COUNTS.items(), counts, strict=True):
+        if count > most:
+            raise ValueError(f"{count:,} {what} are more than any model has ({most:,}).")
+    for name, (low, high) in LIMITS.items():
+        _check.finite(getattr(lobes, name), name, low=low, high=high)
+    x = np.linspace(0.0, 1.0, 33)
+    scale, colour = (
+        curve_design(x, part.shape[-1]) @ np.moveaxis(part, -1, 0).reshape(part.shape[-1], -1)
+        for part in (lobes.scale, lobes.colour)
+    )
+    top = float((scale[:, None] + colour.reshape(len(x), lobes.n_channels, -1)).max())
+    if top > MAX_LN_KAPPA + KAPPA_SLACK:
+        raise ValueError(f"ln(kappa) reaches {top:.4g}, beyond {MAX_LN_KAPPA:g}, the most that expm1 holds.")
 
 
 def curve_places(x: NDArray[np.float64], size: int) -> tuple[NDArray[np.int_], NDArray[np.float64]]:

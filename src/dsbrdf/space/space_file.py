@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from dsbrdf import _files
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
+from dsbrdf.measured.formats.array_file import read_npz_arrays
 from dsbrdf.space.material_space import MaterialSpace
 from dsbrdf.space.settings import SpaceSettings
 from dsbrdf.space.variables import DARK, Rows, Sizes, Variables
@@ -18,8 +18,8 @@ from dsbrdf.space.variables import DARK, Rows, Sizes, Variables
 __all__ = ["SpaceFormatError", "load_space", "save"]
 
 FORMAT, SCHEMA = "dsbrdf space", 1
-#: Larger files, unpacked, are no spaces of ours.
-MAX_BYTES = 500_000_000
+#: Greatest of the curves: logarithms, and shapes of lobes.
+MAX_NUMBER = 1e4
 ARRAYS = ("header", "curves", "present")
 
 
@@ -113,21 +113,13 @@ def load_space(path: str | Path) -> MaterialSpace:
 def _read_arrays(path: Path) -> dict[str, Any]:
     """Arrays of a .npz by name; nothing is unpacked before its size is known, and nothing unpickled."""
     try:
-        with zipfile.ZipFile(path) as file:
-            size = sum(entry.file_size for entry in file.infolist())
-        if size > MAX_BYTES:
-            raise SpaceFormatError(
-                f"{path}: not a space: {size:,} bytes unpacked are more than any space has."
-            )
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in ARRAYS if name not in file.files]
-            if missing:
-                raise SpaceFormatError(f"{path}: not a space: no array {missing[0]!r} in it.")
-            return {name: file[name] for name in ARRAYS}
-    except SpaceFormatError:
-        raise
-    except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
-        raise SpaceFormatError(f"{path}: not a space: not a sound .npz file ({error}).") from None
+        arrays = read_npz_arrays(path)
+    except ValueError as error:
+        reason = str(error).removeprefix(f"{path}: ").removeprefix("not a sound .npz file: ")
+        raise SpaceFormatError(f"{path}: not a space: not a sound .npz file ({reason})") from None
+    if missing := [name for name in ARRAYS if name not in arrays]:
+        raise SpaceFormatError(f"{path}: not a space: no array {missing[0]!r} in it.")
+    return arrays
 
 
 def _space(header: dict[str, Any], curves: Any, present: Any) -> MaterialSpace:
@@ -148,8 +140,10 @@ def _space(header: dict[str, Any], curves: Any, present: Any) -> MaterialSpace:
             f"curves {curves.shape}, present {present.shape}, {len(names)} names and {n_diffuse} diffuse slots do not "
             f"go together; expected curves {shape}."
         )
-    if curves.dtype != np.float64 or present.dtype != np.bool_ or not np.isfinite(curves).all():
-        raise ValueError("curves must be finite float64 numbers, present must be bool.")
+    if curves.dtype != np.float64 or present.dtype != np.bool_ or not (np.abs(curves) <= MAX_NUMBER).all():
+        raise ValueError(
+            f"curves must be finite float64 numbers within {MAX_NUMBER:g}, present must be bool."
+        )
     border = header["border"]
     return MaterialSpace(
         settings,

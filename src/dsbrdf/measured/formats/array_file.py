@@ -27,7 +27,16 @@ from dsbrdf.measured.samples import Samples, samples_from_columns
 from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["MEAN_PHI_D", "bivariate", "read_arrays", "read_npy", "read_npy_array", "read_npz", "write_npz"]
+__all__ = [
+    "MEAN_PHI_D",
+    "bivariate",
+    "read_arrays",
+    "read_npy",
+    "read_npy_array",
+    "read_npz",
+    "read_npz_arrays",
+    "write_npz",
+]
 
 MAGIC = b"\x93NUMPY"
 #: As NumPy and others write it: no objects, no records.
@@ -138,7 +147,7 @@ def read_npz(
         If the file cannot be read.
     """
     path = Path(path)
-    return read_arrays(_arrays(path), path, options or ReadOptions(), convention=convention)
+    return read_arrays(read_npz_arrays(path), path, options or ReadOptions(), convention=convention)
 
 
 def read_arrays(
@@ -277,8 +286,16 @@ def write_npz(measured: MeasuredBRDF | Samples, path: str | Path) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of a .npz file, if they take little more memory than it has bytes."""
+def read_npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of a .npz file, if they take little more memory than it has bytes; nothing is unpickled.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, or would take far more memory.
+    OSError
+        If the file cannot be read.
+    """
     size = _files.regular_size(path)
     try:
         with zipfile.ZipFile(path) as archive:

@@ -23,6 +23,8 @@ from dsbrdf.measured.source import Source
 __all__ = ["is_bird", "read_bird", "write_bird"]
 
 MAX_BYTES = 200_000_000
+#: Numbers of all columns; one with a single value is repeated.
+MAX_NUMBERS = 50_000_000
 _POLARISATION = ("polarization", "polarisation")
 
 
@@ -101,6 +103,10 @@ def _columns(data: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     )
     if not n:
         raise ValueError(f"not BiRD JSON: no column with values, got {', '.join(map(str, data)):.100}.")
+    if n * len(data) > MAX_NUMBERS:
+        raise ValueError(
+            f"not BiRD JSON: {len(data):,} columns of {n:,} values are more than any measurement has."
+        )
     waves = [name for name in data if str(name).lower().startswith("wavelength")]
     for name, variable in data.items():
         if not isinstance(variable, dict) or not isinstance(variable.get("values"), list):

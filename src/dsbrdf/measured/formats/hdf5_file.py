@@ -59,16 +59,22 @@ def _datasets(path: Path) -> tuple[dict[str, Any], list[str]]:
     size = _files.regular_size(path)
     arrays: dict[str, Any] = {}
     others: list[str] = []
+    total = 0
     try:
         with h5py.File(path, "r") as file:
             file.visit(lambda name: others.append(name) if "/" in name and len(others) < _MOST else None)
             for name in list(file)[:_MOST]:
-                entry = file.get(name)
+                is_link = not isinstance(file.get(name, getlink=True), h5py.HardLink)
+                entry = None if is_link else file.get(name)
                 if not isinstance(entry, h5py.Dataset) or entry.dtype.kind not in "biuf":
                     others.append(name)
                     continue
-                if entry.size is None or entry.size * entry.dtype.itemsize > size + _ROOM:
-                    raise ValueError(f"{name} unpacks to much more than the file")
+                total += 0 if entry.size is None else entry.size * entry.dtype.itemsize
+                if entry.size is None or total > size + _ROOM:
+                    raise ValueError(f"{name:.40} unpacks to much more than the file")
+                # Numbers of other files are none of this one
+                if entry.external or entry.is_virtual:
+                    raise ValueError(f"{name:.40} lies in another file. Copy it into this one")
                 array = np.asarray(entry[()])
                 # MATLAB writes (n, 1), turned
                 if array.ndim == 2 and "MATLAB_class" in entry.attrs:

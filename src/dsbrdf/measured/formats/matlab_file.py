@@ -23,7 +23,7 @@ from dsbrdf.measured.table import MeasuredBRDF
 __all__ = ["read_matlab"]
 
 MAX_BYTES = 500_000_000
-#: Bytes that a compressed element may grow to beyond those of the file.
+#: Bytes that compressed elements may grow to beyond those of the file.
 _ROOM = 40_000_000
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
@@ -52,10 +52,14 @@ def read_matlab(
     if order is None:
         raise ValueError(f"{path}: not a sound MATLAB file: no mark of its byte order. Save it again.")
     arrays: dict[str, Any] = {}
+    room = len(content) + _ROOM
     try:
         for kind, data in _elements(content[_HEADER:], order):
             if kind == _COMPRESSED:
-                plain = zlib.decompressobj().decompress(data, len(content) + _ROOM)
+                plain = zlib.decompressobj().decompress(data, room + 1)
+                room -= len(plain)
+                if room < 0:
+                    raise ValueError("its arrays take far more memory than the file")
                 kind, data = next(_elements(plain, order), (0, b""))
             if kind == _MATRIX and (found := _matrix(data, order)) is not None:
                 name, array = found

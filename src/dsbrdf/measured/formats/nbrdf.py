@@ -112,7 +112,7 @@ def _keras_layers(path: Path) -> list[Array]:
         group, _, last = name.rpartition("/")
         kind = last.split(":")[0]
         if isinstance(item, h5py.Dataset) and kind in ("kernel", "bias") and "optimizer" not in name:
-            if item.dtype.kind != "f" or item.size is None or item.size > MAX_WIDTH**2:
+            if item.dtype.kind != "f" or item.size is None or item.size > MAX_WIDTH**2 or item.external:
                 raise ValueError(f"array {name} of {item.dtype} {item.shape}")
             layers.setdefault(group, {})[kind] = np.asarray(item[()])
 

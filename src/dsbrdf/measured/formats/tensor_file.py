@@ -29,6 +29,8 @@ from typing import Any, BinaryIO, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf import _files
+
 __all__ = ["Fields", "read_tensor_file", "write_tensor_file"]
 
 MAGIC = b"tensor_file\0"
@@ -127,9 +129,10 @@ def read_tensor_file(path: str | os.PathLike[str]) -> Fields:
         If the file is not an RGL tensor file of version 1.0, or damaged; says what was expected, and where.
     """
     path = Path(path)
+    size = _files.regular_size(path)
     with path.open("rb") as file:
         arrays = {}
-        for field in _Header(file, path.name, os.fstat(file.fileno()).st_size).read():
+        for field in _Header(file, path.name, size).read():
             file.seek(field.offset)
             flat = np.fromfile(file, dtype=field.dtype, count=math.prod(field.shape))
             arrays[field.name] = flat.reshape(field.shape)
@@ -180,7 +183,8 @@ def write_tensor_file(path: str | os.PathLike[str], fields: Mapping[str, ArrayLi
         header.append(struct.pack(layout, len(encoded), encoded, *place, *array.shape))
         body += [bytes(padding), array.tobytes()]
         position += padding + array.nbytes
-    Path(path).write_bytes(b"".join(header + body))
+    with _files.aside(path) as part:
+        part.write_bytes(b"".join(header + body))
 
 
 class _Header:

@@ -143,6 +143,8 @@ def open_lines(path: Path, name: str) -> Iterator[tuple[int, str]]:
 
 def has_numbers(path: Path) -> bool:
     """Whether a text file has a line of three numbers near its beginning, and may be a table."""
+    if not path.is_file():
+        return False
     with path.open("rb") as file:
         head = file.read(4096)
     try:

@@ -1,0 +1,303 @@
+"""What is read is a regular file, is bounded before memory is taken, and holds only numbers that later steps bear."""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+from spaces import smooth_model
+
+import dsbrdf
+from dsbrdf import batch, library
+from dsbrdf.images import sources
+from dsbrdf.measured.formats import image_file, tensor_file
+from dsbrdf.space import build_space, load_space
+from dsbrdf.space.space_file import SpaceFormatError
+
+LOADERS = {
+    "model": dsbrdf.load,
+    "space": load_space,
+    "library": library.open,
+    "measured": dsbrdf.read,
+    "samples": dsbrdf.read_samples,
+    "merl": dsbrdf.read_merl,
+    "tensors": tensor_file.read_tensor_file,
+    "picture": image_file.read_pixels,
+    "lights": sources.read_lights,
+    "normals": sources.read_normals,
+    "mask": sources.read_mask,
+}
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_what_is_no_regular_file_is_refused(tmp_path, name):
+    """At once: a pipe would be waited for, and a device read without end."""
+    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "pipe.npy")
+    for path in ("/dev/zero", tmp_path / "pipe", tmp_path / "pipe.npy"):
+        with pytest.raises(ValueError, match="regular file"):
+            LOADERS[name](path)
+    with pytest.raises((OSError, ValueError), match=r"directory|a folder|regular"):
+        LOADERS[name](tmp_path)
+    with pytest.raises(OSError, match="No such file"):
+        LOADERS[name](tmp_path / "missing.npy")
+
+
+def test_pipes_in_a_folder(tmp_path, small_table):
+    """They are no measured files, whatever their names, and none is taken for the record of a batch."""
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    out.mkdir()
+    for name in ("a.txt", "b.dat"):
+        os.mkfifo(folder / name)
+    with pytest.raises(ValueError, match="no measured file"):
+        batch.expand([folder], strict=True)
+    os.mkfifo(out / batch.RECORD)
+    with pytest.raises(OSError, match="not a regular file"):
+        batch.fit_many([small_table], out, n_lobes=1)
+
+
+def test_a_link_in_place_of_the_lock_is_not_followed(tmp_path, small_table):
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".dsbrdf-batch.lock").symlink_to(victim)
+    with pytest.raises(OSError, match="symbolic links"):
+        batch.fit_many([small_table], tmp_path / "out", n_lobes=1)
+    assert victim.read_text() == "precious"
+
+
+# Bombs
+
+
+def bombs(folder):
+    """Files that unpack to much more than they are, by name of the loader."""
+    header = (
+        b"\x93NUMPY\x01\0v\0"
+        + b"{'descr': '<f8', 'fortran_order': False, 'shape': (20000000,), }".ljust(117)
+        + b"\n"
+    )
+    with (
+        zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("values.npy", "w") as file,
+    ):
+        file.write(header)
+        for _ in range(20):
+            file.write(bytes(8_000_000))
+    with h5py.File(folder / "bomb.h5", "w") as file:
+        for i in range(60):
+            file.create_dataset(
+                f"theta_{i}", (1_000_000,), "f8", chunks=(100_000,), compression="gzip", fillvalue=0.0
+            )
+    packing, parts = zlib.compressobj(9), []
+    for _ in range(160):
+        parts.append(packing.compress(bytes(1_000_000)))
+    packed = b"".join(parts) + packing.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H2s", 0x0100, b"IM")
+    (folder / "bomb.mat").write_bytes(head + struct.pack("<II", 15, len(packed)) + packed)
+    column = b'{"values":[1],"unit":"deg"},'
+    columns = b"".join(b'"theta_%d":' % i + column for i in range(20_000))
+    values = b"[" + b"0," * 200_000 + b"0]"
+    (folder / "bomb.json").write_bytes(
+        b'{"metadata":{},"data":{' + columns + b'"BRDF":{"values":' + values + b"}}}"
+    )
+    image = struct.pack(">II5B", 16_000, 16_000, 8, 2, 0, 0, 0)
+    chunk = b"IHDR" + image
+    (folder / "bomb.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    )
+
+
+def test_bombs_take_no_memory(tmp_path):
+    """In a process of a gigabyte: each is refused with a reason."""
+    bombs(tmp_path)
+    code = """
+import resource, sys, warnings
+import h5py, numpy, scipy.io, mitsuba, dsbrdf
+from pathlib import Path
+from dsbrdf.space import load_space
+warnings.simplefilter("ignore")
+mitsuba.set_variant("scalar_rgb")
+def peak():
+    return int(next(l for l in open("/proc/self/status") if l.startswith("VmHWM")).split()[1]) / 1024
+before = peak()
+resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    for reader in (dsbrdf.read, *([load_space] if path.suffix == ".npz" else [])):
+        try:
+            reader(path)
+        except ValueError as error:
+            print(path.name, "refused", str(error)[:200])
+        else:
+            print(path.name, "READ")
+print("grown", round(peak() - before))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    *lines, grown = done.stdout.splitlines()
+    assert len(lines) == 6
+    assert all(" refused " in line for line in lines), done.stdout
+    assert int(grown.split()[1]) < 130, done.stdout
+
+
+def test_hdf5_that_points_to_other_files(tmp_path):
+    """Its numbers would be those of any file that the reader may read."""
+    secret = tmp_path / "secret"
+    secret.write_bytes(bytes(80))
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["values"] = np.ones((3, 3))
+    with h5py.File(tmp_path / "raw.h5", "w") as file:
+        file.create_dataset("values", (2, 5), "f8", external=[(str(secret), 0, 80)])
+    with pytest.raises(ValueError, match="lies in another file"):
+        dsbrdf.read(tmp_path / "raw.h5")
+    with h5py.File(tmp_path / "link.h5", "w") as file:
+        file["values"] = h5py.ExternalLink("other.h5", "/values")
+    with pytest.raises(ValueError, match="without arrays at its top"):
+        dsbrdf.read(tmp_path / "link.h5")
+
+
+# Models
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """Call with changes: a model file with some numbers changed."""
+
+    def write(**changes):
+        path = tmp_path / "x.json"
+        smooth_model(1).save(path)
+        content = json.loads(path.read_text())
+        for key, change in changes.items():
+            change(content[key]) if callable(change) else content.update({key: change})
+        path.write_text(json.dumps(content))
+        return path
+
+    return write
+
+
+def set_first(key, value):
+    def change(lobes):
+        row = lobes[key][0]
+        (row[0] if isinstance(row[0], list) else row)[0] = value
+
+    return change
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize("key", ["scale", "gamma", "beta", "falloff", "colour"])
+def test_numbers_that_are_none(stored, key, value):
+    with pytest.raises(dsbrdf.ModelFormatError, match="is no finite number"):
+        dsbrdf.load(stored(lobes=set_first(key, value)))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("scale", 1e300, r"'scale' must be >= -1000 and <= 100 and finite, got 1e\+300 at index \(0, 0\)"),
+        ("colour", 1e300, "'colour' must be"),
+        ("gamma", 1e3, "'gamma' must be"),
+        ("beta", -1e6, "'beta' must be"),
+        ("falloff", -1.0, "'falloff' must be"),
+        ("scale", 9.0, r"ln\(kappa\) reaches 9\.\d+, beyond 6\.5, the most that expm1 holds"),
+    ],
+)
+def test_numbers_that_no_fit_gives(stored, key, value, message):
+    with pytest.raises(dsbrdf.ModelFormatError, match=message):
+        dsbrdf.load(stored(lobes=set_first(key, value)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fit": {"a": float("nan")}}, "NaN is no finite number"),
+        ({"errors": {"rel": float("inf")}}, "Infinity is no finite number"),
+        (
+            {"lobes": {"scale": [], "gamma": [], "beta": [], "falloff": [], "colour": []}},
+            "'scale' must have shape",
+        ),
+        (
+            {
+                "lobes": {k: [[0.0]] * 5000 for k in ("scale", "gamma", "beta", "falloff")}
+                | {"colour": [[[0.0]] * 5000]},
+                "channels": ["a"],
+            },
+            "5,000 lobes are more than any model has",
+        ),
+        (
+            {
+                "lobes": {k: [[0.0] * 101] for k in ("scale", "gamma", "beta", "falloff")}
+                | {"colour": [[[0.0]]]}
+            },
+            "101 coefficients are more than any model has",
+        ),
+        (
+            {"profile": {"theta_d": [0.1], "theta_h": [[0.1]], "mean": [[[1e300]]], "amplitude": [[[0]]]}},
+            "'mean' of the profile must be within",
+        ),
+    ],
+    ids=["fit", "errors", "no lobes", "lobes", "coefficients", "profile"],
+)
+def test_models_that_later_commands_would_stumble_on(stored, changes, message):
+    with pytest.raises(dsbrdf.ModelFormatError, match=message):
+        dsbrdf.load(stored(**changes))
+
+
+def test_the_widest_model_that_loads_is_finite(stored):
+    """What passes the limits can be evaluated, sampled, checked and shown."""
+    lobes = {k: [[0.0], [0.0]] for k in ("scale", "gamma", "beta", "falloff")}
+    lobes |= {"scale": [[6.5], [-1000.0]], "gamma": [[-20.0], [20.0]], "beta": [[20.0], [-20.0]]}
+    lobes |= {"falloff": [[-0.9], [20.0]], "colour": [[[0.0], [100.0]]]}
+    model = dsbrdf.load(stored(lobes=lobes, channels=["a"]))
+    rng = np.random.default_rng(1)
+    w = rng.normal(size=(2, 500, 3))
+    w[..., 2] = np.abs(w[..., 2])
+    wi, wo = w / np.linalg.norm(w, axis=-1, keepdims=True)
+    assert np.isfinite(model.eval(wi, wo)).all()
+    assert np.isfinite(model.pdf(wi, wo)).all()
+    assert np.isfinite(model.sample(wo, rng)).all()
+    assert np.isfinite(model.albedo([0.0, 1.0])).all()
+
+
+def test_a_library_refuses_the_same(tmp_path):
+    model = smooth_model(1, name="a")
+    wide = model.replace(lobes=model.lobes.replace(beta=np.full_like(model.lobes.beta, 1e6)))
+    library.write(tmp_path / "x.dsbrdf", [wide])
+    with pytest.raises(library.LibraryFormatError, match="'beta' must be"):
+        library.open(tmp_path / "x.dsbrdf").load("a")
+
+
+def test_spaces(tmp_path):
+    build_space([smooth_model(i) for i in range(3)]).save(tmp_path / "space.npz")
+    with np.load(tmp_path / "space.npz") as file:
+        arrays = dict(file)
+    arrays["curves"][0, 0, 0] = 1e300
+    np.savez(tmp_path / "space.npz", **arrays)
+    with pytest.raises(SpaceFormatError, match="curves must be finite float64 numbers within"):
+        load_space(tmp_path / "space.npz")
+
+
+def test_the_cost_of_channels_is_linear():
+    """Evaluation of 2 channels to 9,000 and the page's packing: memory for each channel is the same."""
+    wi = np.tile([0.0, 0.6, 0.8], (10, 1))
+    for n in (2, 9000):
+        model = smooth_model(1, n_channels=n)
+        assert model.eval(wi, wi).shape == (10, n)
+        assert model.n_parameters == model.replace(lobes=model.lobes).n_parameters
+
+
+def test_text_of_too_many_columns(tmp_path):
+    names = ",".join(
+        ["theta_i_deg", "theta_o_deg", "phi_o_deg", *(f"{400 + 0.01 * i:.2f}nm" for i in range(20_000))]
+    )
+    path = tmp_path / "wide.csv"
+    path.write_text(f"{names}\n" + ",".join(["1"] * 20_003) + "\n")
+    with pytest.raises(ValueError, match=r"columns|channels"):
+        dsbrdf.read(path)
