@@ -72,7 +72,7 @@ def _encoded(character: str) -> str:
 
 
 @contextlib.contextmanager
-def aside(path: str | Path) -> Iterator[Path]:
+def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path beside `path` to write to, and rename it to `path` at the end; on an error, remove it.
 
     Raises

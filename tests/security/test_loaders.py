@@ -194,7 +194,7 @@ def set_first(key, value):
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 @pytest.mark.parametrize("key", ["scale", "gamma", "beta", "falloff", "colour"])
 def test_numbers_that_are_none(stored, key, value):
-    with pytest.raises(dsbrdf.ModelFormatError, match="is no finite number"):
+    with pytest.raises(dsbrdf.ModelFormatError, match=f"'{key}' must be .*finite, got {value}"):
         dsbrdf.load(stored(lobes=set_first(key, value)))
 
 
@@ -217,8 +217,8 @@ def test_numbers_that_no_fit_gives(stored, key, value, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"fit": {"a": float("nan")}}, "NaN is no finite number"),
-        ({"errors": {"rel": float("inf")}}, "Infinity is no finite number"),
+        ({"fit": {"a": float("nan")}}, '"fit" must hold finite numbers, got nan'),
+        ({"errors": {"rel": float("inf")}}, '"errors" must hold finite numbers, got inf'),
         (
             {"lobes": {"scale": [], "gamma": [], "beta": [], "falloff": [], "colour": []}},
             "'scale' must have shape",

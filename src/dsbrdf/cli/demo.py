@@ -75,4 +75,4 @@ def _print_rows(rows: Sequence[DemoRow], written: str) -> None:
     console.print(table)
     console.print()
     console.print(ABOUT)
-    console.tell(f"Written: {written}", soft_wrap=True)
+    console.print(f"Written: {written}", soft_wrap=True)

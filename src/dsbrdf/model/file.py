@@ -166,7 +166,7 @@ def loads(text: str, path: str = "model") -> DSBRDF:
     try:
         if text.count(",") + 2 * text.count("[") + 8 * text.count("{") > MAX_MARKS:
             raise ModelFormatError(f"{path}: not a model file: more values than any model has.")
-        content = json.loads(text, parse_float=_finite, parse_constant=_finite)
+        content = json.loads(text)
     except ModelFormatError:
         raise
     # A ValueError also comes of a number with thousands of digits
@@ -191,6 +191,8 @@ def loads(text: str, path: str = "model") -> DSBRDF:
                 f'{path}: not a sound model: "{key}" must be an object, got {value!r:.40}.'
             )
     try:
+        for key, value in (("source", source), ("fit", options), ("errors", errors)):
+            _refuse_infinite(value, key)
         lobes = Lobes(**{key: _numbers(content["lobes"], key) for key in LOBES})
         check_stored(lobes)
         return DSBRDF(
@@ -208,12 +210,13 @@ def loads(text: str, path: str = "model") -> DSBRDF:
         raise ModelFormatError(f"{path}: not a sound model: {error}") from None
 
 
-def _finite(text: str) -> float:
-    """A number of JSON; NaN and Infinity are none, and would reach every page and export."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text:.20} is no finite number")
-    return value
+def _refuse_infinite(value: Any, key: str) -> None:
+    """What is no finite number would stop the page and every export that holds it."""
+    if isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            _refuse_infinite(item, key)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f'"{key}" must hold finite numbers, got {value:g}.')
 
 
 def _numbers(content: dict[str, Any], key: str) -> NDArray[np.float64]:

@@ -41,7 +41,7 @@ __all__ = [
 MAGIC = b"\x93NUMPY"
 #: As NumPy and others write it: no objects, no records.
 _HEADER = re.compile(
-    rb"\{\s*'descr':\s*'([<>|=]?[biufU]\d{1,4})',\s*'fortran_order':\s*(True|False),\s*"
+    rb"\{\s*'descr':\s*'([<>|=]?[biufU]\d{1,8})',\s*'fortran_order':\s*(True|False),\s*"
     rb"'shape':\s*\(([\d, ]{0,200})\),?\s*\}\s*"
 )
 #: Bytes that a compressed file may grow by when it is read: a MERL table, and some.

@@ -1,0 +1,294 @@
+"""What can happen to a process: no streams, no letters, no home, no room, interruptions; threads, forks and copies."""
+
+import concurrent.futures
+import copy
+import errno
+import multiprocessing
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from spaces import smooth_model
+
+import dsbrdf
+from dsbrdf import _files, library
+from dsbrdf.export import export
+from dsbrdf.measured.formats.array_file import write_npz
+from dsbrdf.measured.formats.bird import write_bird
+from dsbrdf.measured.formats.image_file import write_pixels
+from dsbrdf.measured.samples import Samples
+from dsbrdf.space import build_space
+from dsbrdf.view import view
+
+COMMAND = [sys.executable, "-m", "dsbrdf"]
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "grün 合金.json"
+    smooth_model(1, name="grün 合金").save(path)
+    return path
+
+
+def shell(line, *arguments, **environment):
+    """A line of the shell, $C is the command, and $1, $2, ... are arguments."""
+    environment = {key: value for key, value in (os.environ | environment).items() if value is not None}
+    return subprocess.run(
+        ["bash", "-c", f'set -o pipefail; C="$0 -m dsbrdf"; {line}', sys.executable, *map(str, arguments)],
+        capture_output=True,
+        env=environment,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "message"),
+    [
+        ("$C info $1 >&-", 0, b""),
+        ("$C --version >&- 2>&- <&-", 0, b""),
+        ("$C info nothing.json 2>&-", 1, b""),
+        ("$C info $1 >/dev/full", 1, b"dsbrdf: error: standard output: No space left on device.\n"),
+        ("$C info $1 | true", 1, b""),
+        ("LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 PYTHONIOENCODING=ascii $C info $1", 0, b""),
+        ("env -u HOME $C data path", 0, b""),
+    ],
+)
+def test_streams_and_surroundings(model_file, line, status, message):
+    done = shell(line.replace("$1", '"$1"'), model_file)
+    assert (done.returncode, done.stderr) == (status, message)
+
+
+def test_a_closed_output_is_no_file(tmp_path):
+    """What is printed does not end in the file that is opened next."""
+    done = shell('cd "$1" && $C fit matte --lobes 1 -o . >&- 2>&- <&-', tmp_path)
+    assert done.returncode == 0
+    assert dsbrdf.load(tmp_path / "matte.json").n_lobes == 1
+
+
+@pytest.mark.parametrize("module", ["typer", "numpy", "dsbrdf._core", "dsbrdf.fitting.fit"])
+def test_an_interruption_during_imports(module):
+    """A line and a status, and no traceback, whatever is being imported."""
+    code = f"""
+import sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["dsbrdf", "fit", "matte", "--lobes", "1"]
+from dsbrdf.__main__ import run
+sys.exit(run())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "dsbrdf: interrupted\n")
+
+
+def test_a_signal_while_it_works(tmp_path):
+    """The folder is left whole: models and the record of them."""
+    code = """
+import os, signal, sys, threading
+from dsbrdf.batch import jobs
+real = jobs.fit
+def fit(*a, **k):
+    os.kill(os.getpid(), signal.SIGINT)
+    return real(*a, **k)
+jobs.fit = fit
+sys.argv = ["dsbrdf", "fit", "matte", "rough-gold", "--lobes", "1", "-o", sys.argv[1]]
+from dsbrdf.__main__ import run
+sys.exit(run())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.glob("*.part"))
+    for path in tmp_path.glob("[!.]*.json"):
+        dsbrdf.load(path)
+
+
+# A full disk
+
+
+def writers():
+    """Every writer, by name: a function of a path."""
+    model, table = smooth_model(1, name="a"), dsbrdf.material("matte")
+    up = np.tile([0.0, 0.0, 1.0], (5000, 1))
+    samples = Samples(up, up, np.random.default_rng(1).random((5000, 1)), name="a")
+    from dsbrdf.plot import parameter_figure, write_figure
+
+    return {
+        "model.json": model.save,
+        "library.dsbrdf": lambda path: library.write(path, [model]),
+        "space.npz": build_space([smooth_model(i) for i in range(3)]).save,
+        "table.npz": lambda path: write_npz(samples, path),
+        "bird.json": lambda path: write_bird(samples, path),
+        "table.binary": lambda path: dsbrdf.write_merl(table, path),
+        "page.html": lambda path: view(model, path),
+        "figure.png": lambda path: write_figure(parameter_figure(model), path),
+        "picture.exr": lambda path: write_pixels(np.ones((64, 64, 3)), path),
+        "code.glsl": lambda path: export(model, path, "glsl"),
+        "table.bsdf": lambda path: export(model, path, "rgl"),
+    }
+
+
+@pytest.fixture
+def full_disk():
+    """No file can have more than a few bytes, as on a disk that is full."""
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (512, limit[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+WRITERS = writers()
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk(tmp_path, full_disk, name):  # noqa: ARG001
+    """The error names the file; nothing is left, and what was there before stays."""
+    path = tmp_path / name
+    path.write_text("dsbrdf: earlier")
+    with pytest.raises(OSError, match=r"too large|No space|requested") as caught:
+        WRITERS[name](path)
+    assert caught.value.filename == str(path)
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [(name, "dsbrdf: earlier")]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_folder_that_is_none(tmp_path, name):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match=r"Not a directory|File exists"):
+        WRITERS[name](tmp_path / "file" / name)
+
+
+def test_aside_leaves_nothing(tmp_path):
+    def write(path, error):
+        with _files.aside(path) as part:
+            part.write_text("half")
+            raise error
+
+    with pytest.raises(RuntimeError):
+        write(tmp_path / "x", RuntimeError())
+    with pytest.raises(OSError, match="No space") as caught:
+        write(tmp_path / "x", OSError(errno.ENOSPC, "No space left on device"))
+    assert caught.value.filename == str(tmp_path / "x")
+    assert not list(tmp_path.iterdir())
+
+
+# A package folder that cannot be written
+
+
+def test_a_package_that_is_read_only():
+    """Nothing is written beside the code: no cache, no state."""
+    package = Path(dsbrdf.__file__).parent
+    code = f"""
+import sys, os
+def refuse(event, arguments):
+    if event == "open" and isinstance(arguments[0], str) and arguments[0].startswith({str(package)!r}):
+        if arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
+            raise PermissionError(arguments[0])
+sys.dont_write_bytecode = True
+sys.addaudithook(refuse)
+from dsbrdf.cli import main
+sys.exit(main(["fit", "matte", "--lobes", "1"]) or main(["space", "nearest", "--help"]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+# Threads, processes and copies
+
+
+def numbers(table):
+    return dsbrdf.fit(table, 2).model.lobes.parts
+
+
+def answer(table, queue):
+    queue.put([part.tolist() for part in numbers(table)])
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_processes_after_use(small_table, method):
+    """The kernel's threads do not come along in a fork; it works nevertheless."""
+    expected = [part.tolist() for part in numbers(small_table)]
+    context = multiprocessing.get_context(method)
+    queue = context.Queue()
+    process = context.Process(target=answer, args=(small_table, queue))
+    process.start()
+    found = queue.get(timeout=60)
+    process.join(60)
+    assert process.exitcode == 0
+    assert found == expected
+
+
+def test_eight_threads(make_table):
+    """Each gives what it gives alone, to the last bit."""
+    tables = [make_table(n) for n in (1, 2, 3, 4)]
+    alone = [numbers(table) for table in tables]
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(numbers, tables * 2))
+    for expected, found in zip(alone * 2, together, strict=True):
+        for a, b in zip(expected, found, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def objects(small_table):
+    """One of every public kind of object."""
+    fit = dsbrdf.fit(small_table, 1)
+    space = build_space([smooth_model(i) for i in range(3)])
+    up = np.tile([0.0, 0.0, 1.0], (3, 1))
+    return {
+        "table": small_table,
+        "samples": Samples(up, up, np.ones((3, 1)), name="a"),
+        "model": fit.model,
+        "lobes": fit.model.lobes,
+        "fit": fit,
+        "errors": fit.errors,
+        "coverage": fit.coverage,
+        "check": dsbrdf.check_model(smooth_model(1)),
+        "options": dsbrdf.FitOptions(),
+        "space": space,
+        "prior": space.gaussian(),
+        "library": library.builtin(),
+        "outcome": dsbrdf.batch.Outcome("a"),
+    }
+
+
+def test_copies(small_table):
+    """pickle and deepcopy of every public kind of object give one of the same kind and state."""
+    for name, thing in objects(small_table).items():
+        for again in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing)):
+            assert type(again) is type(thing), name
+            assert repr(again) == repr(thing), name
+            if name in ("fit", "model"):
+                model = getattr(again, "model", again)
+                original = getattr(thing, "model", thing)
+                np.testing.assert_array_equal(model.lobes.scale, original.lobes.scale)
+            if name == "fit":
+                wi = np.array([0.0, 0.6, 0.8])
+                np.testing.assert_array_equal(again.band(wi, wi), thing.band(wi, wi))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        dsbrdf.ModelFormatError("x"),
+        dsbrdf.MerlFormatError("x"),
+        library.LibraryFormatError("x"),
+        dsbrdf.batch.BusyError("x"),
+        dsbrdf.batch.WorkerDiedError("x"),
+    ],
+)
+def test_errors_travel(error):
+    assert str(pickle.loads(pickle.dumps(error))) == "x"
