@@ -7,7 +7,7 @@ __all__ = ["run"]
 
 
 def run() -> int:
-    """Run the command line and return its exit status; an interruption ends it at any time, imports included, in a line."""
+    """Run the command line and return its exit status; an interruption ends it in a line, in imports too."""
     try:
         _open_streams()
         from dsbrdf.cli import main

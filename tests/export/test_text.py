@@ -11,6 +11,7 @@ from by_hand import by_hand
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsbrdf import _text
 from dsbrdf.baselines import engine
 from dsbrdf.export import FORMATS, export, preview, text
 
@@ -83,7 +84,7 @@ def test_hostile_names(tmp_path, format, name):
     expected = len(exported(tmp_path, format, "plain").splitlines())
     assert len(written.splitlines()) == expected
     if format == "gltf":
-        assert json.loads(written)["materials"][0]["name"] == (name or "material")
+        assert json.loads(written)["materials"][0]["name"] == (_text.well_formed(name) or "material")
     elif format == "openpbr":
         ET.fromstring(written)
     elif format == "blender":

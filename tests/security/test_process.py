@@ -143,7 +143,7 @@ def full_disk():
     """No file can have more than a few bytes, as on a disk that is full."""
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (512, limit[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limit[1]))
     yield
     resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     signal.signal(signal.SIGXFSZ, handler)

@@ -62,10 +62,8 @@ def info(
 
 def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None = None) -> None:
     """Print what a measured file holds, and draw it if a figure is wanted."""
-    from rich.table import Table
-
     from dsbrdf.cli._app import check_output, missing_plots
-    from dsbrdf.cli._report import _console
+    from dsbrdf.cli._report import _console, _Table
     from dsbrdf.measured import Samples, read
     from dsbrdf.measured.read import format_of
 
@@ -74,7 +72,7 @@ def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None =
         if missing := missing_plots():
             raise ModuleNotFoundError(missing)
     measured = read(path, **reading)
-    table = Table.grid(padding=(0, 2, 0, 0))
+    table = _Table.grid(padding=(0, 2, 0, 0))
     table.add_column()
     table.add_column(overflow="fold")
     table.add_row("file", str(path))

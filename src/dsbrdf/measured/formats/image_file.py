@@ -112,10 +112,11 @@ def write_pixels(pixels: NDArray[Any], path: str | Path) -> None:
     """
     mi = _mitsuba()
     bitmap = mi.Bitmap(np.ascontiguousarray(pixels, dtype=np.float32))
+    # To memory first: the library says nothing of a file that it could not write, or not whole
+    stream = mi.MemoryStream()
+    bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
     with _files.aside(path) as part:
-        # The library tells a format from an ending, and writes nothing without a word where it may not
-        part.touch()
-        bitmap.write(str(part), mi.Bitmap.FileFormat.OpenEXR)
+        part.write_bytes(stream.raw_buffer())
 
 
 def _mitsuba() -> Any:
