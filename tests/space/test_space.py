@@ -139,9 +139,15 @@ def test_ends_of_a_blend_are_the_materials(space, models):
 
 
 def test_blends_lie_between(space, models):
-    ends = space.fpca.scores[:2]
-    half = space.scores(space.blend(models[0], models[1], 0.5))
-    np.testing.assert_allclose(half, 0.5 * (ends[0] + ends[1]), atol=0.05)
+    """Shapes of lobes half-way, and the albedo: heights follow from it."""
+    ends, blend = models[:2], space.blend(models[0], models[1], 0.5)
+    a, b, half = (VARIABLES.parts(space.encode(model)) for model in (*ends, blend))
+    for name in ("gamma", "beta", "falloff"):
+        between = 0.5 * (getattr(a, name) + getattr(b, name))
+        np.testing.assert_allclose(getattr(half, name), between, atol=1e-6)
+    angles = np.deg2rad([20.0, 45.0, 65.0])
+    albedo = [np.log(model.albedo(angles)) for model in (*ends, blend)]
+    np.testing.assert_allclose(albedo[2], 0.5 * (albedo[0] + albedo[1]), atol=0.05)
     assert space.blend(models[0], models[1], 0.25).name == "material-0 75% material-1 25%"
 
 

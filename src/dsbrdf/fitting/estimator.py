@@ -40,8 +40,8 @@ LAST_TOLERANCE = 1e-2
 PENALTY = (0.25, 0.25, 0.1)
 #: Height of a lobe that is not there, `ln kappa`.
 ABSENT = -30.0
-#: What a space expects counts as so many observations.
-SUPPORT = 100.0
+#: What a space expects counts as so many observations, and ends the search as above: it is itself no more exact.
+SUPPORT, SUPPORT_TOLERANCE = 100.0, 0.3
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
 
@@ -286,7 +286,7 @@ def _as_expected(observations: Observations, options: FitOptions, expected: Expe
         process.n_lobes,
         expected.unknowns.tolist(),
         iterations=options.max_iterations,
-        tolerance=TOLERANCE,
+        tolerance=SUPPORT_TOLERANCE,
     )
     lobes = lobes_of(end["x"], how.sizes, process.n_lobes, n_channels)
     return Estimate(

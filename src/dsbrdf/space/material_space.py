@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from dsbrdf.model import energy
 from dsbrdf.model.check import ALBEDO_ANGLES
 from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.lobes import curve_design
 from dsbrdf.space.correspondence import lobe_slots, pad
 from dsbrdf.space.fpca import Fpca, fit_fpca
 from dsbrdf.space.settings import SpaceSettings, check_channels, check_convention
-from dsbrdf.space.variables import Variables
+from dsbrdf.space.variables import DARK, Variables
 
 if TYPE_CHECKING:
     from dsbrdf.space.prior import Gaussian
@@ -29,6 +31,10 @@ Array = NDArray[np.float64]
 
 #: Draws vary along the components that hold this share of the variance; those beyond tell single materials apart.
 DRAWN_SHARE = 0.9
+#: Angles of the albedo whose colour a blend keeps, and steps until it does.
+COLOUR_ANGLES, N_COLOURED = np.deg2rad([10.0, 35.0, 55.0, 75.0]), 6
+#: Places x on which functions of curves are located.
+N_PLACES = 200
 #: Draws that create light are drawn again, this many times at most.
 MAX_REDRAWS = 20
 
@@ -163,6 +169,10 @@ class MaterialSpace:
     def blend(self, a: DSBRDF, b: DSBRDF, t: float, name: str = "") -> DSBRDF:
         """The material at share `t` of the way from `a` to `b`: the curves themselves, nothing is projected.
 
+        Lobes of the same place may differ in kind, and halves of their colours add up to one that neither end has. So
+        the heights of all lobes are changed by a factor a channel and theta_d, such that the albedo, too, is on the
+        way.
+
         Raises
         ------
         ValueError
@@ -171,7 +181,25 @@ class MaterialSpace:
         if not 0.0 <= t <= 1.0:
             raise ValueError(f"'t' must be between 0 and 1, got {t!r}. To go farther, use move.")
         name = name or f"{a.name} {1.0 - t:.0%} {b.name} {t:.0%}"
-        return self.decode((1.0 - t) * self.encode(a) + t * self.encode(b), name)
+        curves = (1.0 - t) * self.encode(a) + t * self.encode(b)
+        wanted = (1.0 - t) * _ln_albedo(a) + t * _ln_albedo(b)
+        variables = self.variables
+        x = np.linspace(0.0, 1.0, N_PLACES)
+        functions = curve_design(x, variables.sizes.scale)
+        # Where each function of a curve has its weight
+        places = x @ functions / functions.sum(0)
+        for _ in range(N_COLOURED):
+            missing = wanted - _ln_albedo(self.decode(curves, conserve=False))
+            # Light from an angle is seen at differences about as large
+            change = [np.interp(places, np.cos(COLOUR_ANGLES)[::-1], of[::-1]) for of in missing.T]
+            parts = variables.parts(curves)
+            height = np.exp(parts.height[:, None] + parts.colour)
+            # What is dark stays dark: the offset of heights is no light
+            lit = np.maximum(height - DARK, 0.0) * np.exp(change) + np.minimum(height, DARK)
+            height = np.log(lit)
+            mean = height.mean(1)
+            curves = variables.joined(parts._replace(height=mean, colour=height - mean[:, None]))
+        return self.decode(curves, name)
 
     def move(self, model: DSBRDF, axis: int, by: float, name: str = "") -> DSBRDF:
         """A model moved along a principal function; what the space does not know of it is kept.
@@ -292,3 +320,8 @@ class MaterialSpace:
 
     def __repr__(self) -> str:
         return f"MaterialSpace({len(self.names)} materials, {self.n_channels} channels, {self.n_slots} lobes)"
+
+
+def _ln_albedo(model: DSBRDF) -> Array:
+    """Logarithm (angle, channel) of the albedo at `COLOUR_ANGLES`."""
+    return np.log(np.maximum(energy.albedo(model, COLOUR_ANGLES, energy.QUICK_N_PHI), 1e-12))
