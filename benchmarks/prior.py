@@ -2,9 +2,10 @@
 
 python benchmarks/prior.py FOLDER [--every N] [--counts 8 16 20 32 64] [--planned 8]
 
-FOLDER holds MERL .binary files with the names of materials of the library. Each is left out of the library in turn. Samples
-are pairs of directions, even over both hemispheres below 80 degrees from the normal, with 2 % of normal noise; errors are
-over other such pairs: RMS of ln((g + 0.001/sr) / (f + 0.001/sr)), all channels. PSNR is that of a sphere under two lights.
+FOLDER holds MERL .binary files with the names of materials of the library. Each is left out of the library in turn.
+Samples are pairs of directions, even over both hemispheres below 80 degrees from the normal, with 2 % of normal noise;
+errors are over other such pairs: RMS of ln((g + 0.001/sr) / (f + 0.001/sr)), all channels. PSNR is that of a sphere
+under two lights.
 Bands are of 95 %. Planned samples are those of `dsbrdf.plan` for the rest of the library. CPU seconds, one thread if
 OMP_NUM_THREADS and RAYON_NUM_THREADS are 1. About ten minutes for 100 files on one core.
 """

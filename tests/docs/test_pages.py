@@ -24,7 +24,13 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 @pytest.mark.parametrize(
     ("page", "written"),
-    [("curves", "merl"), ("space", "space.npz"), ("view", "page.html"), ("photos", "orange.json"), ("tutorial_few_samples", "twenty.png")],
+    [
+        ("curves", "merl"),
+        ("space", "space.npz"),
+        ("view", "page.html"),
+        ("photos", "orange.json"),
+        ("tutorial_few_samples", "twenty.png"),
+    ],
 )
 def test_python_runs(folder, page, written):
     path = DOCS / f"{page}.md"
