@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome, fit_many
+    from dsbrdf.batch.texels import TexelMaps, fit_texels, load_texels
     from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
     from dsbrdf.fitting.options import FitOptions
     from dsbrdf.fitting.plan import plan
@@ -67,12 +68,15 @@ __all__ = [
     "ModelFormatError",
     "Outcome",
     "Samples",
+    "TexelMaps",
     "check_model",
     "fit",
     "fit_many",
+    "fit_texels",
     "half_diff",
     "hemi_epd",
     "load",
+    "load_texels",
     "material",
     "plan",
     "read",
@@ -97,8 +101,11 @@ _OWNERS = {
     "Samples": "dsbrdf.measured",
     "check_model": "dsbrdf.model.check",
     "fit": "dsbrdf.fitting",
+    "TexelMaps": "dsbrdf.batch.texels",
     "fit_many": "dsbrdf.batch",
+    "fit_texels": "dsbrdf.batch.texels",
     "load": "dsbrdf.model.file",
+    "load_texels": "dsbrdf.batch.texels",
     "material": "dsbrdf.measured.built_in",
     "plan": "dsbrdf.fitting.plan",
     "read": "dsbrdf.measured.read",

@@ -116,3 +116,20 @@ def picture_weights(
     nodes: tuple[int, int],
     azimuthal_width: float,
 ) -> _Floats: ...
+
+class TexelPlan:
+    def __new__(
+        cls,
+        layout: Any,
+        at: tuple[_Floats, ...],
+        cell: list[int],
+        cos_product: list[float],
+        weighing: Any,
+        prior: tuple[list[float], list[float]],
+        starts: _Floats,
+        reference: tuple[_Floats, ...],
+        iterations: int,
+    ) -> TexelPlan: ...
+    def fit(self, values: NDArray[Any]) -> tuple[_Floats, _Floats, _Floats, NDArray[np.uint32]]: ...
+
+def eval_texels(layout: Any, unknowns: _Floats, at: tuple[_Floats, ...]) -> _Floats: ...

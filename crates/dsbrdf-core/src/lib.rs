@@ -15,4 +15,5 @@ pub mod paper;
 pub mod picture;
 pub mod profile;
 pub mod shape;
+pub mod texels;
 pub mod text;

@@ -7,6 +7,7 @@ mod paper;
 mod picture;
 mod pool;
 mod profiles;
+mod texels;
 mod text;
 
 use pyo3::prelude::*;
@@ -23,6 +24,8 @@ mod _core {
     use crate::picture::picture_weights;
     #[pymodule_export]
     use crate::profiles::{collapse, decreasing};
+    #[pymodule_export]
+    use crate::texels::{TexelPlan, eval_texels};
     #[pymodule_export]
     use crate::text::plain_numbers;
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from dsbrdf.batch.texels import TexelMaps
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.render import measured_bsdf, mitsuba_bsdf
@@ -33,18 +34,18 @@ def register() -> None:
     mi.register_bsdf(measured_bsdf.PLUGIN, lambda props: measured_bsdf.measured_class()(props))
 
 
-def to_dict(reflectance: DSBRDF | MeasuredBRDF) -> dict[str, Any]:
-    """The bsdf of a model or a table in memory, for `mitsuba.load_dict`, in the variant that is set.
+def to_dict(reflectance: DSBRDF | TexelMaps | MeasuredBRDF) -> dict[str, Any]:
+    """The bsdf of a model, of maps of texels or of a table, for `mitsuba.load_dict`, in the variant that is set.
 
     Parameters
     ----------
-    reflectance : DSBRDF or MeasuredBRDF
+    reflectance : DSBRDF, TexelMaps or MeasuredBRDF
 
     Raises
     ------
     ValueError
-        If a channel of a table has no valid entry.
+        If a channel of a table has no valid entry, or maps have no rows and columns.
     """
-    if isinstance(reflectance, DSBRDF):
+    if isinstance(reflectance, DSBRDF | TexelMaps):
         return mitsuba_bsdf.to_dict(reflectance)
     return measured_bsdf.to_dict(reflectance)

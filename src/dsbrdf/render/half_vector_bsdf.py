@@ -35,7 +35,7 @@ def base_class() -> type[Any]:
             self.m_flags = self.m_components[0]
 
         @abstractmethod
-        def _value(self, pair: drjit_math.Pair, active: Any) -> Any:
+        def _value(self, si: Any, pair: drjit_math.Pair, active: Any) -> Any:
             """Reflectance in 1/sr, without the cosine, as a colour."""
 
         def set_tables(self, tables: SamplingTables) -> None:
@@ -98,12 +98,12 @@ def base_class() -> type[Any]:
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
             active &= self._seen(ctx, si.wi, wo)
             pair = drjit_math.pair(si.wi, wo)
-            value = self._value(pair, active) * wo.z
+            value = self._value(si, pair, active) * wo.z
             return dr.select(active, value, 0.0), dr.select(active, self._density(pair, si.wi, wo), 0.0)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             active &= self._seen(ctx, si.wi, wo)
-            return dr.select(active, self._value(drjit_math.pair(si.wi, wo), active) * wo.z, 0.0)
+            return dr.select(active, self._value(si, drjit_math.pair(si.wi, wo), active) * wo.z, 0.0)
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             active &= self._seen(ctx, si.wi, wo)

@@ -105,7 +105,7 @@ def measured_class() -> type[Any]:
             self._offset = 0.0 if measured.convention == "centre" else 0.5
             self.set_tables(sampling.tables_for(lambda wi, wo: evaluate(measured, filled, wi, wo)))
 
-        def _value(self, pair: drjit_math.Pair, active: Any) -> Any:
+        def _value(self, _si: Any, pair: drjit_math.Pair, active: Any) -> Any:
             n_h, n_d, n_phi = self._cells
             right = 2.0 / np.pi
             h = dr.sqrt(pair.theta_h() * right) + self._offset / n_h

@@ -101,7 +101,7 @@ def sheet(rows: Sequence[Row], *, note: str = "") -> Figure:
     lines = len(rows) * (2 if with_maps else 1)
     width = max(1.7 * columns + 0.3, 3.7)
     text = f"Tone mapping: {TONE_MAPPING}.{' ' if note else ''}{note}"
-    text = textwrap.fill(text, int(22.0 * width))
+    text = textwrap.fill(text, int(19.0 * width))
     bottom = 0.12 * (text.count("\n") + 1) + 0.42
     height = 1.95 * lines + 0.35 + bottom
     with matplotlib.rc_context(plot.STYLE):
