@@ -147,7 +147,7 @@ def test_profile_comes_back_to_some_digits(model, path, rng):
     model.replace(profile=profile).save(path)
     back = load(path).profile
     for name in ("theta_d", "theta_h", "mean", "amplitude"):
-        rtol = 5e-5 if name.startswith("theta") else 5e-3
+        rtol = {"mean": 5e-3, "amplitude": 5e-2}.get(name, 5e-5)
         assert_allclose(getattr(back, name), getattr(profile, name), rtol=rtol)
     assert len(json.loads(path.read_text())["profile"]["theta_h"]) == 1
     # Slices of scattered samples have theta_h of their own

@@ -26,7 +26,7 @@ LOBES = ("scale", "gamma", "beta", "falloff", "colour")
 WIDTH = "azimuthal_width"
 PROFILE = ("theta_d", "theta_h", "mean", "amplitude")
 #: Digits of angles and of values of the profile, which is there for plots.
-PROFILE_DIGITS = {"theta_d": 5, "theta_h": 5, "mean": 3, "amplitude": 3}
+PROFILE_DIGITS = {"theta_d": 5, "theta_h": 5, "mean": 3, "amplitude": 2}
 #: Greatest number of a profile: pages hold single precision.
 MAX_PROFILE = 1e30
 #: Larger files are no models of ours.
