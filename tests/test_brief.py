@@ -1,10 +1,14 @@
 """Texts of values at the prompt: short, whatever they hold."""
 
+import base64
 import dataclasses
+import io
 import re
+import sys
 import warnings
 from dataclasses import dataclass
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -89,3 +93,26 @@ def test_standard_errors_are_a_table(fit):
         want = np.stack([100 * found.ln_kappa[i].max(0), 100 * found.ln_gamma[i], found.beta[i]], axis=-1)
         want[:, :2] = np.minimum(want[:, :2], 100.0)
         np.testing.assert_allclose(np.reshape(numbers, (3, 3)), want, rtol=0.06)
+
+
+def test_a_fit_shows_itself_in_a_notebook(fit, monkeypatch):
+    with_picture = fit._repr_html_()
+    data = re.search(r'src="data:image/png;base64,([^"]+)"', with_picture)[1]
+    pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(data)), format="png")
+    assert pixels.shape == (120, 240, 4)
+    # Measured on the left, fitted on the right, and they are alike
+    assert 0.0 < np.abs(pixels[:, :120] - pixels[:, 120:]).mean() < 0.02
+    assert f"<td>{fit.errors.rel:.3f}</td>" in with_picture
+    named = dataclasses.replace(fit, model=fit.model.replace(name="<b>"))
+    assert "&lt;b&gt;: 3 lobes" in named._repr_html_()
+    for name in [name for name in sys.modules if name.startswith(("dsbrdf.plot", "matplotlib"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr(dsbrdf, "plot", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    alone = fit._repr_html_()
+    assert "<img" not in alone
+    assert f"<td>{fit.errors.rel:.3f}</td>" in alone
+
+
+def test_a_model_draws_itself(fit):
+    assert fit.model.plot().get_suptitle().startswith("gold: 3 lobes")

@@ -400,6 +400,6 @@ def test_demo_without_matplotlib(run, tmp_path, monkeypatch):
     monkeypatch.setattr("dsbrdf.measured.built_in.names", lambda: ("satin-aluminium",))
     status, out, err = run("demo", "--out", tmp_path / "demo")
     assert status == 0
-    assert err == ['dsbrdf: note: no plots: dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"']
+    assert err == ['dsbrdf: no plots: dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"']
     assert "\nsatin-aluminium " in out
     assert files_in(tmp_path / "demo") == ["satin-aluminium.json"]

@@ -9,10 +9,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
+import socket
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,23 +23,50 @@ import typer
 
 from dsbrdf import _text
 
-__all__ = ["State", "app", "check_folder", "check_output", "main", "missing_plots", "say", "tell"]
+__all__ = [
+    "State",
+    "app",
+    "check_folder",
+    "check_output",
+    "is_quiet",
+    "main",
+    "missing_plots",
+    "note",
+    "say",
+    "tell",
+]
 
 INTERRUPTED = 130
+#: Seconds after Ctrl-C in which the work may end by itself.
+PATIENCE = 0.5
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
+#: Of the whole process, as threads note and warn, too.
+_quiet = threading.Event()
+#: Options that hold wherever they stand.
+GLOBAL = ("--quiet", "-q", "--debug")
+
+
 @dataclass
 class State:
-    """What all commands share: whether to show tracebacks, and what is being worked on, for warnings."""
+    """What all commands share: what to show, what is being worked on, for warnings, and what has failed.
+
+    Parameters
+    ----------
+    debug : bool
+        Whether to show tracebacks.
+    failed : bool
+        Whether something was passed over.
+    """
 
     debug: bool = False
+    failed: bool = False
     # Threads work on different files
     work: threading.local = field(default_factory=threading.local)
 
@@ -54,10 +83,29 @@ class State:
 
         return both
 
+    @contextlib.contextmanager
+    def passing_over(self, target: str, targets: Sequence[str]) -> Iterator[None]:
+        """Say what is wrong with one of several targets, and go on; the exit status tells of it in the end."""
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            if self.debug or len(targets) == 1:
+                raise
+            from dsbrdf import batch
+
+            text = batch.describe(error)
+            say(f"error: {text if target in text else f'{target}: {text}'}")
+            self.failed = True
+
+    def end(self) -> None:
+        """Leave with status 1 if something was passed over."""
+        if self.failed:
+            raise typer.Exit(1)
+
     def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
         about = getattr(self.work, "about", "")
         named = not about or str(message).startswith(f"{Path(about).stem}: ")
-        say(f"warning: {message}" if named else f"warning: {about}: {message}")
+        note(f"warning: {message}" if named else f"warning: {about}: {message}")
 
 
 def say(text: str) -> None:
@@ -70,6 +118,17 @@ def tell(text: object, *, error: bool = False) -> None:
     print(_text.shown(text, keep="\n"), file=sys.stderr if error else sys.stdout, flush=True)
 
 
+def note(text: str) -> None:
+    """One line to standard error that is no error; none if the user wants quiet."""
+    if not is_quiet():
+        say(text)
+
+
+def is_quiet() -> bool:
+    """Whether progress, notes and warnings are left out."""
+    return _quiet.is_set()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
@@ -79,15 +138,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Those of the process by default.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    # Wherever it stands, --debug holds
+    if "_DSBRDF_COMPLETE" in os.environ:
+        app(prog_name="dsbrdf")
+    # Wherever they stand, these hold
     state = State(debug="--debug" in arguments)
-    arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
+    _quiet.set() if {"--quiet", "-q"} & set(arguments) else _quiet.clear()
+    arguments = [argument for argument in arguments if argument not in GLOBAL] or ["--help"]
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("always", UserWarning)
         warnings.showwarning = state.show_warning
         try:
-            status = _invoke(arguments, state)
+            with _ending_soon():
+                status = _invoke(arguments, state)
             sys.stdout.flush()
         except BrokenPipeError:
             _discard_output()
@@ -108,6 +171,47 @@ def _invoke(arguments: list[str], state: State) -> int:
     except typer.Exit as end:
         return int(end.exit_code)
     return 0
+
+
+@contextlib.contextmanager
+def _ending_soon() -> Iterator[None]:
+    """End the process soon after Ctrl-C: Python itself learns of it only when the compiled kernel comes back."""
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not ours or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    ended = threading.Event()
+
+    def wait() -> None:
+        with reader:
+            while number := reader.recv(1):
+                if number[0] == signal.SIGINT and not ended.wait(PATIENCE):
+                    _leave()
+
+    previous = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=wait, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+        signal.set_wakeup_fd(previous)
+        writer.close()
+
+
+def _leave() -> None:
+    """End the process and its workers, whatever they do."""
+    import multiprocessing
+
+    for process in multiprocessing.active_children():
+        process.kill()
+    if sys.stderr.isatty():
+        # A bar of progress has hidden the cursor
+        sys.stderr.write("\x1b[?25h\r\x1b[K")
+    say("interrupted")
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
 
 
 def _report(error: BaseException) -> int:
@@ -149,6 +253,9 @@ def _options(
     context: typer.Context,
     _wanted: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    _quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="No progress, notes and warnings; errors are shown.")
     ] = False,
     _debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
 ) -> None:

@@ -243,12 +243,15 @@ def _finite(value: Any) -> Any:
 @contextlib.contextmanager
 def progress(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
     """Function that announces each of `total` pieces of work, on standard error if that is a terminal."""
-    if not (shown and total > 1 and sys.stderr.isatty()):
+    from dsbrdf.cli._app import is_quiet
+
+    if not (shown and total and sys.stderr.isatty()) or is_quiet():
         yield lambda _: None
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
+    about = TextColumn("{task.description}", markup=False)
+    columns = (BarColumn(), MofNCompleteColumn(), about) if total > 1 else (SpinnerColumn(), about)
     # Standard output may be going elsewhere: leave it alone
     with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
         task, done = bar.add_task("", total=total), itertools.count()

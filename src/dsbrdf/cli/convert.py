@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, say, tell
+from dsbrdf.cli._app import State, app, check_output, note, say, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def convert(
 def _tell(done: Conversion) -> None:
     tell(done)
     if done.coverage < SPARSE:
-        say(f"warning: {done.path} is nearly empty. Fit what was measured, and convert the model.")
+        note(f"warning: {done.path} is nearly empty. Fit what was measured, and convert the model.")
 
 
 def _inside(folder: Path) -> list[Path]:

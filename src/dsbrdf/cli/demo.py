@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots, say, tell
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, note, tell
 
 if TYPE_CHECKING:
     from dsbrdf.cli._demo import DemoRow
@@ -40,7 +40,7 @@ def demo(
     check_folder(out)
     missing = missing_plots()
     if missing:
-        say(f"note: no plots: {missing}")
+        note(f"no plots: {missing}")
     state: State = context.obj
     with report.progress(len(built_in.names()) + (not missing)) as step:
         rows = demonstration.run(out, plots=not missing, step=state.announce(step))

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, say, tell
+from dsbrdf.cli._app import State, app, check_output, note, tell
 from dsbrdf.cli._reading import takes_reading
 from dsbrdf.export import FORMATS
 
@@ -60,4 +60,4 @@ def export(
         lost = write(model, path, to, channels=chosen, force=force)
     tell(f"Written: {path}")
     if lost:
-        say(lost)
+        note(lost)

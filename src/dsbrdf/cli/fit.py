@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots, say, tell
+from dsbrdf.cli._app import State, app, check_folder, missing_plots, note, say, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def fit(
         if bright := energy.warning(
             result.model for result in results if result.model is not None and not result.kept
         ):
-            say(bright)
+            note(bright)
         for failure in failures:
             say(f"error: {failure.status}")
     if view and results and out is not None:

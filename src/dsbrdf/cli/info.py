@@ -39,6 +39,9 @@ def info(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also draw a measured file.", show_default=False),
     ] = None,
+    uncertainty: Annotated[
+        bool, typer.Option("--uncertainty", help="Also print how certain the fit of a measurement is.")
+    ] = False,
     *,
     reading: Any,
 ) -> None:
@@ -56,8 +59,29 @@ def info(
         if plot is not None or Path(model).exists():
             # Said above
             warnings.simplefilter("ignore", UserWarning)
+        if uncertainty:
+            print_fit(model, reading)
+            return
         for _, found in open_models([model], state, reading):
             print_model(found)
+
+
+def print_fit(target: str, reading: Mapping[str, Any]) -> None:
+    """Print what a fit of a measurement holds, and how certain its curves are."""
+    from dsbrdf import batch
+    from dsbrdf.cli._report import _console
+    from dsbrdf.fitting import fit
+    from dsbrdf.library import model_named
+
+    if model_named(target) is not None:
+        raise typer.BadParameter(
+            f"{target} is a model, without its measurement. Name what was measured.",
+            param_hint="'--uncertainty'",
+        )
+    found = fit(batch.open_target(target, reading))
+    print_model(found.model)
+    _console().print()
+    _console().print(repr(found.standard_errors()), soft_wrap=True)
 
 
 def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None = None) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say, tell
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, note, tell
 
 UNKNOWN = "unknown"
 
@@ -141,7 +141,7 @@ def photo(
 
             plot.write_figure(sheets.sheet(found), compare)
     if bright := energy.warning([found.model]):
-        say(bright)
+        note(bright)
     tell(found.summary)
     for path in (out, light_out, compare):
         if path is not None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsbrdf import _files
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, say, tell
+from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, note, tell
 
 if TYPE_CHECKING:
+    from dsbrdf import batch
     from dsbrdf.model.dsbrdf import DSBRDF
     from dsbrdf.space import MaterialSpace
 
@@ -84,6 +85,7 @@ def build(
     if view is not None:
         write_page(opened, view, space=made)
         tell(f"Page: {view}")
+    context.obj.end()
 
 
 @space.command()
@@ -144,7 +146,7 @@ def move(
     """Write a model moved along a principal function."""
     made = _load(path)
     if abs(by) > FAR:
-        say(
+        note(
             f"warning: {by:g} standard deviations are beyond all materials; run 'dsbrdf check' on what comes out."
         )
     _write(made.move(_material(made, model), axis, by), out, model)
@@ -178,14 +180,23 @@ def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
         step("")
-        outcomes = batch.fit_many(measured, strict=True, done=lambda outcome: step(outcome.target), **FIT)
-    fitted = iter([outcome.model for outcome in outcomes if outcome.model is not None])
+        strict = state.debug or len(names) == 1
+        outcomes = batch.fit_many(measured, strict=strict, done=lambda outcome: step(outcome.target), **FIT)
+    fitted = iter(outcomes)
     opened = []
     for name in names:
         state.begin(name)
-        opened.append(model_file.load(name) if _is_model(name) else next(fitted))
+        with state.passing_over(name, names):
+            opened.append(model_file.load(name) if _is_model(name) else _model_of(next(fitted)))
     state.begin("")
     return opened
+
+
+def _model_of(outcome: batch.Outcome) -> DSBRDF:
+    """The model of an outcome; raises what went wrong."""
+    if outcome.model is None:
+        raise outcome.error or ValueError(outcome.status)
+    return outcome.model
 
 
 def _is_model(name: str) -> bool:

@@ -46,9 +46,15 @@ def view(
     targets = collect.expand(models)
     with report.progress(len(targets)) as step:
         begin = state.announce(step)
-        opened = [collect.open_model(target, begin, reading) for target in targets]
+        opened = []
+        for target in targets:
+            with state.passing_over(target, targets):
+                opened.append(collect.open_model(target, begin, reading))
     state.begin("")
+    if not opened:
+        state.end()
     write_page(opened, out, space=laid_out)
     tell(out)
     if show:
         typer.launch(str(out))
+    state.end()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import time
 import warnings
 from dataclasses import dataclass, field
@@ -170,6 +171,25 @@ class Fit:
             **({"remarks": list(self.measured.remarks)} if isinstance(self.measured, Samples) else {}),
             "seconds": self.seconds,
         }
+
+    def _repr_html_(self) -> str:
+        """The measured and the fitted sphere and the errors, for notebooks; without matplotlib the errors alone."""
+        head = (
+            f"{self.model.name or 'unnamed'}: {self.model.n_lobes} lobes, {self.model.n_parameters} numbers"
+        )
+        errors = {key: value for key, value in self.errors.summary().items() if np.isfinite(value)}
+        names = "".join(f"<th>{key.replace('_', ' ')}</th>" for key in errors)
+        values = "".join(f"<td>{value:.3f}</td>" for value in errors.values())
+        lines = [f"<b>{html.escape(head)}</b>", f"<table><tr>{names}</tr><tr>{values}</tr></table>"]
+        try:
+            from dsbrdf import plot
+        except ModuleNotFoundError:
+            pass
+        else:
+            lines.insert(1, f'<br><img alt="Measured and fitted sphere" src="{plot.sphere_picture(self)}">')
+        if self.coverage.sentence:
+            lines.append(html.escape(self.coverage.sentence))
+        return "\n".join(lines)
 
     def __repr__(self) -> str:
         return (

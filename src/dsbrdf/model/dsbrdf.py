@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.source import Source
 from dsbrdf.model import evaluation
 from dsbrdf.model.lobes import Lobes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["DSBRDF", "channel_names"]
 
@@ -205,6 +208,18 @@ class DSBRDF:
         from dsbrdf.model import file
 
         file.save(self, path)
+
+    def plot(self) -> Figure:
+        """Figure of the curves of the lobes over theta_d.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+        """
+        from dsbrdf import plot
+
+        return plot.parameter_figure(self)
 
     def _repr_html_(self) -> str:
         """The page of `dsbrdf.view`, for notebooks."""

@@ -13,7 +13,14 @@ except ModuleNotFoundError as error:
     ) from error
 
 from dsbrdf.plot import model
-from dsbrdf.plot.model import EXPOSURE, demo_figure, fit_figure, incident_plane, parameter_figure
+from dsbrdf.plot.model import (
+    EXPOSURE,
+    demo_figure,
+    fit_figure,
+    incident_plane,
+    parameter_figure,
+    sphere_picture,
+)
 from dsbrdf.plot.samples import sample_fit_figure, samples_figure
 from dsbrdf.plot.style import (
     CHANNEL_COLOURS,
@@ -46,5 +53,6 @@ __all__ = [
     "parameter_figure",
     "sample_fit_figure",
     "samples_figure",
+    "sphere_picture",
     "write_figure",
 ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import matplotlib
+import matplotlib.image
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from dsbrdf.fitting import Fit
     from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["demo_figure", "fit_figure", "incident_plane", "parameter_figure"]
+__all__ = ["demo_figure", "fit_figure", "incident_plane", "parameter_figure", "sphere_picture"]
 
 Array = NDArray[np.float64]
 
@@ -402,11 +404,36 @@ def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
         axes.axis("off")
     measured, fitted = (sphere.shade(shown, n_pixels) for shown in (_table(fit), fit.model))
     lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
-    brightest = measured.max(-1)
-    exposure = EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
+    exposure = _exposure(measured)
     shown = lobes[:SHOWN_LOBES] + ([np.sum(lobes[SHOWN_LOBES:], axis=0)] if lobes[SHOWN_LOBES:] else [])
     for axes, radiance in zip(row, [measured, fitted, *shown], strict=False):
         axes.imshow(sphere.picture(radiance, exposure), interpolation="antialiased")
+
+
+def sphere_picture(fit: Fit, n_pixels: int = 120) -> str:
+    """A PNG of the measured (of a table) and the fitted sphere, as an address that holds the data.
+
+    Examples
+    --------
+    >>> import dsbrdf
+    >>> found = dsbrdf.fit(dsbrdf.material("grey-primer"), n_lobes=2)
+    >>> dsbrdf.plot.sphere_picture(found)[:22]
+    'data:image/png;base64,'
+    """
+    radiance = [sphere.shade(fit.measured, n_pixels)] if isinstance(fit.measured, MeasuredBRDF) else []
+    radiance.append(sphere.shade(fit.model, n_pixels))
+    exposure = _exposure(radiance[0])
+    buffer = io.BytesIO()
+    matplotlib.image.imsave(
+        buffer, np.hstack([sphere.picture(one, exposure) for one in radiance]), format="png"
+    )
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def _exposure(radiance: Array) -> float:
+    """What makes the mean radiance of a sphere's brightest channel `EXPOSURE`."""
+    brightest = radiance.max(-1)
+    return EXPOSURE / max(float(brightest[brightest > 0.0].mean()), 1e-12)
 
 
 def _draw_strip(axes: Any, fit: Fit, *, last: bool) -> None:
