@@ -390,9 +390,9 @@ def test_plots_need_matplotlib(run, gold_file, tmp_path):
 
 @pytest.fixture
 def without_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "dsbrdf.plot", raising=False)
     monkeypatch.delattr(dsbrdf, "plot", raising=False)
+    monkeypatch.delitem(sys.modules, "dsbrdf.plot", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
 
 
 @pytest.mark.usefixtures("without_matplotlib")
