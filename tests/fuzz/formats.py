@@ -9,12 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from dsbrdf import DSBRDF, Lobes, Samples, load, read
+from dsbrdf import DSBRDF, Lobes, Samples, library, load, read
+from dsbrdf.images import sources
 from dsbrdf.measured.formats import nbrdf
+from dsbrdf.measured.formats.image_file import read_pixels
 from dsbrdf.measured.formats.rgl import read_rgl
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.samples import ReadWarning
+from dsbrdf.model.file import dumps
+from dsbrdf.space import build_space, load_space
 
 #: What a reader may raise.
 CLEAN = (ValueError, OSError)
@@ -159,10 +163,38 @@ def keras():
     return _written("a.h5", write)
 
 
+def hdf5_table():
+    import h5py
+
+    def write(path):
+        with h5py.File(path, "w") as file:
+            file["theta_i_deg"], file["theta_o_deg"] = np.array([30.0, 30.0]), np.array([-30.0, 0.0])
+            file.create_dataset("brdf", data=np.array([1.2, 0.2]), compression="gzip")
+
+    return _written("a.h5", write)
+
+
 def model():
+    return _written("a.json", made_up().save)
+
+
+def library_file():
+    return _written("a.dsbrdf", lambda path: library.write(path, [made_up().replace(name=n) for n in "ab"]))
+
+
+def space_file():
+    models = [made_up(0.1 * i).replace(name=str(i)) for i in range(3)]
+    return _written("a.npz", build_space(models).save)
+
+
+def radiance():
+    return b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 3\n" + bytes(range(100, 124))
+
+
+def made_up(more=0.0):
     lobes = Lobes(
-        np.linspace(-1.0, 1.0, 6).reshape(2, 3),
-        np.array([[0.0, 1.0], [4.0, 5.0]]),
+        np.linspace(-1.0, 1.0 + more, 6).reshape(2, 3),
+        np.array([[0.0, 1.0], [4.0, 5.0 - more]]),
         np.array([[0.1], [-0.2]]),
         np.zeros((2, 1)),
         np.linspace(-0.2, 0.2, 6).reshape(3, 2, 1),
@@ -170,8 +202,7 @@ def model():
     profile = MeasuredProfile(
         np.array([0.1, 0.8]), np.full((2, 4), 0.3), np.ones((2, 3, 4)), np.zeros((2, 3, 4))
     )
-    made = DSBRDF(lobes, name="made up", errors={"rel": 0.1, "albedo": np.nan}, profile=profile)
-    return _written("a.json", made.save)
+    return DSBRDF(lobes, name="made up", errors={"rel": 0.1, "albedo": np.nan}, profile=profile)
 
 
 def image(name, dtype):
@@ -212,12 +243,32 @@ VALID = {
     "keras": keras,
     "exr": lambda: image("a.exr", np.float32),
     "png": lambda: image("a.png", np.uint8),
+    "hdf5": hdf5_table,
+    "picture": radiance,
+    "lights": lambda: b"x y z r g b\n0 0 1 1 1 1\n0.5,0,1,2,2,2\n",
+    "normals": lambda: npy_array((2, 2, 3)),
     "model": model,
+    "library": library_file,
+    "space": space_file,
 }
 
 
 #: Those that are not `read`, or would tabulate what they read, which takes seconds.
-READERS = {"model": load, "rgl": read_rgl, "keras": nbrdf.read_weights, "npy weights": nbrdf.read_weights}
+READERS = {
+    "model": load,
+    "rgl": read_rgl,
+    "keras": nbrdf.read_weights,
+    "npy weights": nbrdf.read_weights,
+    "library": lambda path: [
+        content.load(name) for content in [library.open(path)] for name in content.names
+    ],
+    "space": lambda path: [load_space(path).material(name) for name in load_space(path).names[:1]],
+    "picture": read_pixels,
+    "lights": sources.read_lights,
+    "normals": sources.read_normals,
+}
+#: A direction toward the light, and two toward the viewer.
+WI, WO = np.array([0.6, 0.0, 0.8]), np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
 
 
 def place(kind, folder, content):
@@ -225,7 +276,8 @@ def place(kind, folder, content):
     if kind == "npy weights":
         for part, shape in zip(nbrdf.PARTS, [(6, 3), (3,)] + 2 * [(3, 3), (3,)], strict=True):
             np.save(folder / f"x_{part}.npy", np.ones(shape, "f4"))
-    path = folder / ("x_fc1.npy" if kind == "npy weights" else "x.binary" if kind == "merl" else "x")
+    names = {"npy weights": "x_fc1.npy", "merl": "x.binary", "normals": "x.npy"}
+    path = folder / names.get(kind, "x")
     path.write_bytes(content)
     if kind == "merl" and len(content) > 400:
         # A sparse file: what is not written reads as zero
@@ -244,15 +296,21 @@ def sound(kind, path):
         if not str(error):
             raise
         return False
-    if isinstance(content, DSBRDF):
-        assert all(np.isfinite(part).all() for part in content.lobes.parts)
+    if kind in ("model", "library", "space"):
+        for made in [content] if kind == "model" else content:
+            assert np.isfinite(made.eval(WI, WO)).all()
+            assert json.loads(dumps(made))["format"]
+    elif kind in ("picture", "normals"):
+        assert content.ndim == 3
+    elif kind == "lights":
+        assert all(np.isfinite(light.direction).all() for light in content)
     elif kind == "merl":
         # Mapped: its numbers are not read
         assert content.planes.nbytes == MERL_BYTES - 12
     elif kind in ("keras", "npy weights"):
         assert all(np.isfinite(array).all() for array in content[1])
     elif kind == "rgl":
-        assert np.isfinite(content.eval([0.6, 0.0, 0.8], [[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])).all()
+        assert np.isfinite(content.eval(WI, WO)).all()
     else:
         if isinstance(content, Samples):
             assert np.isfinite(content.wi).all()

@@ -253,7 +253,7 @@ def test_models_that_later_commands_would_stumble_on(stored, changes, message):
 def test_the_widest_model_that_loads_is_finite(stored):
     """What passes the limits can be evaluated, sampled, checked and shown."""
     lobes = {k: [[0.0], [0.0]] for k in ("scale", "gamma", "beta", "falloff")}
-    lobes |= {"scale": [[6.5], [-1000.0]], "gamma": [[-20.0], [20.0]], "beta": [[20.0], [-20.0]]}
+    lobes |= {"scale": [[6.5], [-1000.0]], "gamma": [[-30.0], [30.0]], "beta": [[20.0], [-20.0]]}
     lobes |= {"falloff": [[-0.9], [20.0]], "colour": [[[0.0], [100.0]]]}
     model = dsbrdf.load(stored(lobes=lobes, channels=["a"]))
     rng = np.random.default_rng(1)

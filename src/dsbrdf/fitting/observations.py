@@ -39,6 +39,8 @@ LEAST_ANGLE = float(np.deg2rad(2.0))
 #: Smaller cosine of a cell below which it counts less, in proportion: little light goes there, and few instruments
 #: measure it well.
 GRAZING = 0.5
+#: Least and greatest of the brightest value that is fitted, 1/sr: a fit is as good throughout.
+BRIGHTEST = (1e-15, 1e30)
 #: Azimuths of a cell, in standard deviations of cos(2 phi_d): of mean 0 and variance 1.
 NODES = np.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
 #: Values that stand for a row over phi_d stay within this of its mean.
@@ -113,9 +115,16 @@ class Observations(Brief):
         Raises
         ------
         ValueError
-            If no value is valid.
+            If no value is valid, or the brightest is out of all proportion, so that its square is no number.
         """
-        found = _of_samples(measured) if isinstance(measured, Samples) else _of_table(measured)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = _of_samples(measured) if isinstance(measured, Samples) else _of_table(measured)
+        brightest = float(np.abs(found.values).max())
+        if not (brightest == 0.0 or BRIGHTEST[0] <= brightest <= BRIGHTEST[1]):
+            raise ValueError(
+                f"{measured.name or 'the measurement'}: the brightest value is {brightest:.3g}/sr, expected "
+                f"{BRIGHTEST[0]:g} to {BRIGHTEST[1]:g}. Bring it to 1/sr with the option 'scale' (--scale)."
+            )
         if not (found.weights > 0.0).any():
             raise ValueError(
                 f"{measured.name or 'the measurement'}: no value is valid. Check that it holds positive values in 1/sr."

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf.model import chi_square
-from dsbrdf.model.energy import ALBEDO_TOLERANCE
+from dsbrdf.model.energy import ALBEDO_ANGLES, ALBEDO_TOLERANCE
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
@@ -22,8 +22,7 @@ __all__ = ["CheckReport", "check_model"]
 
 Array = NDArray[np.float64]
 
-#: Incident angles at which the albedo is told, and those at which the sampler is tried, in radians.
-ALBEDO_ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0, 89.0])
+#: Incident angles at which the sampler is tried, in radians.
 SAMPLER_ANGLES = np.deg2rad([0.0, 30.0, 60.0, 80.0])
 N_PAIRS = 20_000
 #: Of the mass of a cell; far below what so many samples can tell.

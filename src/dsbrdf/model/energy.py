@@ -20,7 +20,7 @@ from dsbrdf.model.lobes import curve_design
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
 
-__all__ = ["ALBEDO_TOLERANCE", "albedo", "conserve_energy", "warning"]
+__all__ = ["ALBEDO_ANGLES", "ALBEDO_TOLERANCE", "albedo", "conserve_energy", "warning"]
 
 Array = NDArray[np.float64]
 
@@ -28,9 +28,11 @@ Array = NDArray[np.float64]
 ALBEDO_TOLERANCE = 1e-3
 #: Incident angles at which an excess is looked for, in radians.
 ANGLES = np.deg2rad(np.linspace(0.0, 89.0, 31))
-#: Every second angle and a few azimuths for a quick look, and what is too much for its error.
+#: Incident angles at which the albedo is told, and warned of, in radians.
+ALBEDO_ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0, 89.0])
+#: Azimuths of a quick look, and from where on a model is looked at closely.
 QUICK_N_PHI = 8
-QUICK_LIMIT = 1.01
+QUICK_LIMIT = 0.9
 #: Models named in a warning.
 MAX_NAMED = 5
 MAX_ROUNDS = 60
@@ -51,9 +53,14 @@ def albedo(model: DSBRDF, theta_i: ArrayLike, n_phi: int = 128) -> Array:
 
 
 def warning(models: Iterable[DSBRDF]) -> str:
-    """A sentence on the models with an albedo above 1, empty if there are none; a quick look, some ms a model."""
-    albedos = [(model.name, float(albedo(model, ANGLES[::2], QUICK_N_PHI).max())) for model in models]
-    bright = [f"{name or 'model'} ({most:.2f})" for name, most in albedos if most > QUICK_LIMIT]
+    """A sentence on the models with an albedo above 1, as `check_model` finds it, empty if there are none."""
+    bright = []
+    for model in models:
+        # Some milliseconds a model; only of those near 1 the albedo itself
+        if albedo(model, ALBEDO_ANGLES, QUICK_N_PHI).max() < QUICK_LIMIT:
+            continue
+        if (most := float(albedo(model, ALBEDO_ANGLES).max())) > 1.0 + ALBEDO_TOLERANCE:
+            bright.append(f"{model.name or 'model'} ({most:.3g})")
     if not bright:
         return ""
     more = f" and {len(bright) - MAX_NAMED} more" if len(bright) > MAX_NAMED else ""

@@ -41,7 +41,7 @@ MAX_BETA = 2.0
 #: overflows.
 LIMITS = {
     "scale": (-1e3, 1e2),
-    "gamma": (-20.0, 20.0),
+    "gamma": (-30.0, 30.0),
     "beta": (-20.0, 20.0),
     "falloff": FALLOFF,
     "colour": (-1e2, 1e2),

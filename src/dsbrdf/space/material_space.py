@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from dsbrdf.model import energy
-from dsbrdf.model.check import ALBEDO_ANGLES
 from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.energy import ALBEDO_ANGLES
 from dsbrdf.model.lobes import curve_design
 from dsbrdf.space.correspondence import lobe_slots, pad
 from dsbrdf.space.fpca import Fpca, fit_fpca
