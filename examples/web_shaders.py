@@ -49,7 +49,7 @@ THREE = """<!doctype html>
 <title>dsbrdf in three.js</title>
 <body style="margin: 0; background: #222">
 <script type="importmap">
-{"imports": {"three": "https://cdn.jsdelivr.net/npm/three@0.180.0/build/three.module.js"}}
+{"imports": {"three": "https://cdn.jsdelivr.net/npm/three@0.187.0/build/three.module.js"}}
 </script>
 <script type="module">
 import * as THREE from "three";

@@ -17,6 +17,7 @@ from dsbrdf import _files, read_merl
 from dsbrdf.cli import main
 from dsbrdf.export import FORMATS, colour, export
 from dsbrdf.geometry.colour import srgb_weights
+from dsbrdf.measured.formats.rgl import read_rgl
 from dsbrdf.shader import LANGUAGES
 
 MODEL = by_hand([1.5, 0.1], [150.0, 0.5], [-0.3, 0.1], name="made up")
@@ -117,6 +118,19 @@ def test_wavelengths_as_lobes(rng):
     lobes = colour.lobes_in_colour(model)
     assert lobes.channels == ("r", "g", "b")
     assert np.median(np.abs(lobes.eval(wi, wo) / expected - 1.0)) < 0.01
+
+
+def test_wavelengths_stay_in_a_spectral_file(tmp_path, rng):
+    """Each wavelength of the file is the channel of the model."""
+    model, nm = spectral_model()
+    shuffled = colour.take_channels(model, [model.channels[i] for i in (3, 0, 6, 1, 5, 2, 4)])
+    export(shuffled, tmp_path / "x.bsdf", "rgl-spectral")
+    raw = read_rgl(tmp_path / "x.bsdf")
+    np.testing.assert_array_equal(raw.wavelengths, nm)
+    wi, wo = random_pairs(rng, 400)
+    some = (wi[:, 2] > 0.3) & (wo[:, 2] > 0.3)
+    expected = model.eval(wi[some], wo[some])
+    assert np.median(np.abs(raw.eval(wi[some], wo[some]) / expected - 1.0)) < 0.01
 
 
 # What may be replaced

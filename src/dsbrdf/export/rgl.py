@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from dsbrdf import _files
 from dsbrdf._check import require_rgb
 from dsbrdf.export import spectrum
-from dsbrdf.export.colour import in_colour
+from dsbrdf.export.colour import in_colour, take_channels, wavelengths
 from dsbrdf.geometry import half_diff
 from dsbrdf.geometry.colour import LUMINANCE
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
@@ -76,7 +76,8 @@ def write_rgl(
     Parameters
     ----------
     reflectance : DSBRDF, or anything with `eval(wi, wo)`
-        Three channels of linear sRGB; a model's other channels become colours.
+        Three channels of linear sRGB. One channel of a model becomes grey; wavelengths become colours, or stay what
+        they are in spectral form.
     path : str or Path
     form : {"rgb", "spectral"}, optional
         "rgb" is for the RGB variants of Mitsuba, "spectral" for its spectral ones and for pbrt-v4: no file serves
@@ -108,27 +109,35 @@ def write_rgl(
         )
     if description is None:
         description = f"{getattr(reflectance, 'name', '') or 'reflectance'}, written by dsbrdf"
-    if isinstance(reflectance, DSBRDF):
-        reflectance = in_colour(reflectance)
-    fields = _fields(reflectance, n_theta_i, n_values)
-    rgb = fields.pop("rgb")
-    if form == "rgb":
-        fields["rgb"] = rgb
+    nm = wavelengths(reflectance.channels) if isinstance(reflectance, DSBRDF) and form == "spectral" else None
+    if nm is not None and isinstance(reflectance, DSBRDF):
+        order = np.argsort(nm)
+        nm, reflectance = nm[order], take_channels(reflectance, [reflectance.channels[i] for i in order])
+        fields = _fields(reflectance, n_theta_i, n_values, np.full(len(nm), 1.0 / len(nm)))
+        fields["wavelengths"], fields["spectra"] = nm.astype(np.float32), fields.pop("rgb")
     else:
-        fields["wavelengths"] = spectrum.WAVELENGTHS.astype(np.float32)
-        fields["spectra"] = np.einsum("lc,atcij->atlij", spectrum.BASIS, rgb).astype(np.float32)
+        if isinstance(reflectance, DSBRDF):
+            reflectance = in_colour(reflectance)
+        fields = _fields(reflectance, n_theta_i, n_values, LUMINANCE)
+        if form == "spectral":
+            fields["wavelengths"] = spectrum.WAVELENGTHS.astype(np.float32)
+            fields["spectra"] = np.einsum("lc,atcij->atlij", spectrum.BASIS, fields.pop("rgb")).astype(
+                np.float32
+            )
     text = np.frombuffer(description.encode(), np.uint8)
     with _files.aside(path) as part:
         write_tensor_file(part, {"description": text, "jacobian": np.ones(1, np.uint8), **fields})
 
 
-def _fields(reflectance: Reflectance, n_theta_i: int, n_values: int) -> dict[str, NDArray[np.float32]]:
-    """Arrays of a file in RGB."""
+def _fields(
+    reflectance: Reflectance, n_theta_i: int, n_values: int, luminance: Array
+) -> dict[str, NDArray[np.float32]]:
+    """Arrays of a file in RGB; `luminance` (channel,) are weights that say where there is light."""
     even = np.linspace(0.0, 1.0, n_theta_i)
     # Closer toward grazing, where reflectance rises
     theta_i = np.pi / 4 * (even + np.sin(np.pi / 2 * even))
-    d = _distribution(reflectance)
-    nodes = [_of_incident(reflectance, float(theta), n_values) for theta in theta_i]
+    d = _distribution(reflectance, luminance)
+    nodes = [_of_incident(reflectance, float(theta), n_values, luminance) for theta in theta_i]
     density, u, light, values = (np.array(part) for part in zip(*nodes, strict=True))
     weight = 4.0 * _projected_area(d, theta_i)[:, None, None] / _at(d, u)
     fields = {
@@ -146,24 +155,26 @@ def _fields(reflectance: Reflectance, n_theta_i: int, n_values: int) -> dict[str
 
 
 def _of_incident(
-    reflectance: Reflectance, theta_i: float, n_values: int
+    reflectance: Reflectance, theta_i: float, n_values: int, luminance: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Density (v, u) at an incident angle; u of the nodes (t, s), light a node stands for, `f cos(theta_o)` there."""
     wi = np.array([np.sin(theta_i), 0.0, np.cos(theta_i)])
     u, v = np.meshgrid(*(np.linspace(0.0, 1.0, n) for n in N_DENSITY))
-    _, light, cos_o = _reflected(reflectance, wi, u, v)
+    _, light, cos_o = _reflected(reflectance, wi, u, v, luminance)
     light **= LIGHT_POWER
     visible = np.clip(1.0 + cos_o / MARGIN, 1e-2, 1.0)
     share = LIGHT_SHARE if light.any() else 0.0
     density = (1.0 - share) * visible / visible.mean() + share * light / (light.mean() or 1.0)
 
     u, v, density_there = _warp(density, np.linspace(0.0, 1.0, n_values))
-    values, light, _ = _reflected(reflectance, wi, u, v)
+    values, light, _ = _reflected(reflectance, wi, u, v, luminance)
     light /= density_there
     return density, u, light + LEAST_LIGHT * light.mean() if light.any() else np.ones_like(light), values
 
 
-def _reflected(reflectance: Reflectance, wi: Array, u: Array, v: Array) -> tuple[Array, Array, Array]:
+def _reflected(
+    reflectance: Reflectance, wi: Array, u: Array, v: Array, luminance: Array
+) -> tuple[Array, Array, Array]:
     """What is mirrored at half vectors: `f cos(theta_o)` (..., channel), zero below the horizon; its light over u and
     v; `cos(theta_o)`.
     """
@@ -175,20 +186,21 @@ def _reflected(reflectance: Reflectance, wi: Array, u: Array, v: Array) -> tuple
     values = (
         np.asarray(reflectance.eval(np.broadcast_to(wi, wo.shape), wo)) * np.maximum(cos_o, 0.0)[..., None]
     )
-    light = np.maximum(values @ LUMINANCE * cos_d * stretch, 0.0)
+    light = np.maximum(values @ luminance * cos_d * stretch, 0.0)
     return values, light, cos_o
 
 
-def _distribution(reflectance: Reflectance) -> Array:
+def _distribution(reflectance: Reflectance, luminance: Array) -> Array:
     """D at nodes even in u: the mean over `THETA_D` of luminance relative to that at the pole."""
     u = np.linspace(0.0, 1.0, N_DISTRIBUTION)
     # At phi_d = 90 degrees both directions are as high; just above the horizon at the last node
     theta_h = np.minimum(np.pi / 2 * u**2, np.pi / 2 - 1e-4)
     values = np.asarray(reflectance.eval(*half_diff.to_directions(theta_h, THETA_D[:, None], np.pi / 2)))
-    require_rgb(values.shape[-1], "an RGL file")
-    luminance = values @ LUMINANCE
-    peak = luminance.max(axis=1, keepdims=True)
-    d: Array = np.divide(luminance, peak, out=np.ones_like(luminance), where=peak > 0.0).mean(0)
+    if values.shape[-1] != len(luminance):
+        require_rgb(values.shape[-1], "an RGL file")
+    light = values @ luminance
+    peak = light.max(axis=1, keepdims=True)
+    d: Array = np.divide(light, peak, out=np.ones_like(light), where=peak > 0.0).mean(0)
     return np.maximum(d, FLOOR)
 
 
