@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf import _check
 from dsbrdf.fitting.observations import cell_area
 from dsbrdf.geometry import half_diff
+from dsbrdf.geometry.colour import LUMINANCE
 
 __all__ = [
     "COAT_F0",
@@ -45,6 +46,8 @@ STARTS = ((0.04, 0.2, 0.2, 0.6), (0.04, 0.6, 0.5, 0.2), (0.6, 0.3, 0.2, 0.6), (0
 #: A metal may be so much worse before it is called one, as a factor and in the cube root's error.
 METAL_FACTOR, METAL_MARGIN = 1.05, 0.001
 MAX_EVALUATIONS, TOLERANCE = 60, 1e-5
+#: Weight of the colour of the highlight, at this theta_h.
+HUE_WEIGHT, HIGHLIGHT = 0.1, float(np.deg2rad(0.5))
 #: Grid over (theta_h, theta_d, phi_d) on which materials are fitted, and the least cosine to the normal.
 GRID, LEAST_COSINE = (32, 10, 3), 0.05
 #: The same for errors that are told.
@@ -262,6 +265,19 @@ def pairs(grid: tuple[int, int, int] = GRID, least_cosine: float = LEAST_COSINE)
     return Pairs.of(wi[above], wo[above]), area
 
 
+@lru_cache(maxsize=1)
+def _highlight() -> Pairs:
+    """Pairs in the highlight."""
+    theta_d = np.deg2rad([10.0, 25.0, 40.0, 55.0])
+    return Pairs.of(*half_diff.to_directions(HIGHLIGHT, theta_d, 0.5 * np.pi))
+
+
+def _hue(values: Array) -> Array:
+    """Colours (pair, 3) relative to their luminance."""
+    luminance = (values @ LUMINANCE)[:, None]
+    return np.asarray(values / np.maximum(luminance, 1e-12))
+
+
 def cbrt_error(material: Reflectance, reflectance: Reflectance) -> float:
     """Relative RMS of the cube root of `f cos_i cos_o` over all pairs of directions below 80 degrees."""
     at, area = pairs(FINE_GRID, FINE_LEAST_COSINE)
@@ -322,7 +338,7 @@ def fit_engine(reflectance: Reflectance, form: Form, name: str = "") -> EngineMa
             high[6] = FREE_F0[1]
         if free_coat:
             low, high = np.append(low, low_coat), np.append(high, high_coat)
-        x, error = nearest(lambda x: material(x, metal)._values(at), reflectance, starts, low, high)
+        x, error = nearest(lambda x, at: material(x, metal)._values(at), reflectance, starts, low, high)
         return material(x, metal), error
 
     def tail(roughness: float, coat: float, coat_roughness: float) -> list[float]:
@@ -350,22 +366,26 @@ def nearest(
     low: Array,
     high: Array,
 ) -> tuple[Array, float]:
-    """Parameters within bounds at which `values`, of `pairs`, are nearest to a reflectance, and the error there.
+    """Parameters within bounds at which `values`, of parameters and pairs, are nearest to a reflectance, and the error.
 
     Squares of differences of the cube root of `f cos_i cos_o`, which is nearer to what the eye makes of it than the
-    value is (Fores et al., "Toward a perceptually based metric for BRDF modeling", CIC 2012), weighted by solid angle.
+    value is (Fores et al., "Toward a perceptually based metric for BRDF modeling", CIC 2012), weighted by solid angle;
+    and of the colour of the highlight, which covers little of that.
     """
     from scipy.optimize import least_squares
 
     at, area = pairs()
+    glint = _highlight()
+    hue = _hue(np.asarray(reflectance.eval(glint.wi, glint.wo)))
     cosines = (at.cos_i * at.cos_o)[:, None]
     wanted = np.cbrt(np.maximum(np.asarray(reflectance.eval(at.wi, at.wo)), 0.0) * cosines)
     weight = np.sqrt(area)[:, None]
     weight = weight / (float(np.sqrt(((weight * wanted) ** 2).sum())) or 1.0)
 
     def residual(x: Array) -> Array:
-        flat: Array = (weight * (np.cbrt(values(x) * cosines) - wanted)).ravel()
-        return flat
+        off = weight * (np.cbrt(values(x, at) * cosines) - wanted)
+        off_hue = HUE_WEIGHT * (_hue(values(x, glint)) - hue)
+        return np.concatenate([off.ravel(), off_hue.ravel()])
 
     results = [
         least_squares(

@@ -117,7 +117,7 @@ def fit_principled(model: DSBRDF) -> tuple[dict[str, Any], Nearness]:
     at, _ = pairs()
     colour = np.clip(np.pi * np.median(np.asarray(coloured.eval(at.wi, at.wo)), axis=0), 0.01, 0.99)
     starts = [np.array([*colour, *start]) for start in STARTS]
-    x, _ = nearest(lambda x: principled(x, at), coloured, starts, LOW, HIGH)
+    x, _ = nearest(principled, coloured, starts, LOW, HIGH)
     rounded = [round(float(value), 5) for value in x]
     parameters = dict(zip(NAMES, rounded[3:], strict=True))
     content = {"type": "principled", "base_color": {"type": "rgb", "value": rounded[:3]}, **parameters}
