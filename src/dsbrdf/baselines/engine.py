@@ -360,7 +360,7 @@ def fit_engine(reflectance: Reflectance, form: Form, name: str = "") -> EngineMa
 
 
 def nearest(
-    values: Callable[[Array], Array],
+    values: Callable[[Array, Pairs], Array],
     reflectance: Reflectance,
     starts: Sequence[Array],
     low: Array,
