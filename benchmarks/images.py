@@ -292,7 +292,7 @@ def found_with_normals(image, light, prior):
     length = np.linalg.norm(wrong, axis=-1, keepdims=True)
     wrong = np.divide(wrong, length, out=np.zeros_like(wrong), where=length > 0.0).reshape(SIZE, SIZE, 3)
     clock = time.process_time()
-    found = images.fit_image(image, wrong, light, prior=prior)
+    found = images.fit_image(image, wrong, light, prior=prior, mask=image.any(-1))
     return found, time.process_time() - clock
 
 

@@ -89,6 +89,10 @@ def test_an_unknown_light_is_written(folder, monkeypatch, capsys):
         (["0.exr", "--light", "none.hdr"], "none.hdr: No such file"),
         (["0.exr", "1.exr", "--light", "lights.csv"], "lights.csv holds 3 lights for 2 pictures"),
         (["0.exr", "--light", "lights.csv", "-o", "0.exr"], "0.exr is what this is made from"),
+        (
+            ["0.exr", "--light", "lights.csv", "--light-out", "e.exr"],
+            "only an environment map can be written",
+        ),
         (["space.npz", "--light", "lights.csv"], "space.npz: not a picture"),
     ],
 )

@@ -12,6 +12,8 @@ import typer
 from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, note, tell
 
 UNKNOWN = "unknown"
+#: Endings of environment maps.
+MAPS = (".exr", ".hdr")
 
 
 class CameraKind(StrEnum):
@@ -105,6 +107,8 @@ def photo(
         if path is not None:
             check_output(path, given)
             check_folder(path.parent)
+    if light_out is not None and light != UNKNOWN and Path(light).suffix.lower() not in MAPS:
+        raise typer.BadParameter("only an environment map can be written.", param_hint="'--light-out'")
     state: State = context.obj
     state.begin(str(pictures[0]))
     options: dict[str, Any] = {
@@ -140,7 +144,7 @@ def photo(
             from dsbrdf.render import photo as sheets
 
             plot.write_figure(sheets.sheet(found), compare)
-    if bright := energy.warning([found.model]):
+    if not found.is_up_to_scale and (bright := energy.warning([found.model])):
         note(bright)
     tell(found.summary)
     for path in (out, light_out, compare):
@@ -153,7 +157,7 @@ def _lights(light: str, n: int) -> Any:
 
     if light == UNKNOWN:
         return UNKNOWN
-    if Path(light).suffix.lower() in (".exr", ".hdr"):
+    if Path(light).suffix.lower() in MAPS:
         return Light.from_map(light)
     lights = sources.read_lights(light)
     if n == 1 and len(lights) > 1:

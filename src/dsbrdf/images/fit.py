@@ -56,7 +56,8 @@ class ImageFit(Brief):
     light : list of Light
         Of each picture: as given, or as found.
     covariance : (unknown, unknown) ndarray
-        Of the unknowns, in the order of the prior.
+        Of the unknowns, in the order of the prior; under an unknown light that between the materials compared, and a
+        part of the prior's.
     n_decided : float
         How many of the unknowns the pictures decided; the prior decided the others.
     n_effective : float
@@ -265,7 +266,7 @@ def _unknown(
         fit,
         model=fit.model.replace(fit_options=options),
         covariance=spread,
-        n_decided=float(np.trace(np.eye(len(spread)) - spread @ gaussian.precision)),
+        n_decided=max(float(np.trace(np.eye(len(spread)) - spread @ gaussian.precision)), 0.0),
         posterior=dataclasses.replace(fit.posterior, covariance=spread),
     )
 
