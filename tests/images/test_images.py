@@ -95,10 +95,11 @@ def test_under_a_white_sky_a_pixel_is_the_albedo(truth):
 
 
 def test_a_pixel_of_a_map_is_a_distant_light(truth):
-    radiance = np.zeros((32, 64, 3))
-    radiance[10, 25] = [100.0, 200.0, 300.0]
+    radiance = np.zeros((128, 256, 3))
+    radiance[40, 100] = [100.0, 200.0, 300.0]
     lamp = Light.distant(
-        panorama.directions(32, 64)[10, 25], radiance[10, 25:26] * panorama.solid_angles(32, 64)[10]
+        panorama.directions(128, 256)[40, 100],
+        radiance[40, 100:101] * panorama.solid_angles(128, 256)[40],
     )
     a, b = (relight(truth, "sphere", light, size=SIZE) for light in (Light.from_map(radiance), lamp))
     np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)

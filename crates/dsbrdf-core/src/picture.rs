@@ -75,6 +75,7 @@ pub fn weights(points: &Points, lights: &Lights, nodes: Nodes, weights: &mut [f6
 /// Weights (node, channel) of a pixel with some of the points.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn of_pixel(points: &Points, of: Range<usize>, lights: &Lights, nodes: Nodes, row: &mut [f64]) {
+    row.fill(0.0);
     let share = 1.0 / of.len().max(1) as f64;
     let mut stack = Vec::new();
     let mut line = vec![0.0; CUBIC * AZIMUTHS.len() * lights.n_channels];
@@ -245,7 +246,7 @@ mod tests {
         let mut row = vec![f64::NAN; 2 * NODES.len()];
         weights(&points, &lights, NODES, &mut row);
         let sums: Vec<f64> = (0..2).map(|c| row.iter().skip(c).step_by(2).sum()).collect();
-        assert!((sums[0] - 1.6).abs() < 1e-12 && (sums[1] - 2.4).abs() < 1e-12);
+        assert!((sums[0] - 1.6).abs() < 1e-12 && (sums[1] - 2.4).abs() < 1e-12, "{sums:?}");
     }
 
     #[test]

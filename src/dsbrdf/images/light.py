@@ -143,7 +143,9 @@ class Light(Brief):
 
 def _tree(radiance: Array) -> tuple[Array, Array, Array, NDArray[np.int32], int]:
     """Direction, flux, radius and parts of the cells of all levels, and the number of the coarsest."""
-    steps = int(np.clip(np.round(np.log2(len(radiance) / COARSEST)), 0, np.log2(FINEST / COARSEST)))
+    # A coarse map is taken apart too: its pixels are areas, not points
+    rows_wanted = np.clip(len(radiance), EVERYWHERE, FINEST)
+    steps = int(np.round(np.log2(rows_wanted / COARSEST)))
     rows = COARSEST << steps
     flux = _resized(
         _resized(radiance * panorama.solid_angles(*radiance.shape[:2])[..., None], rows, 0), 2 * rows, 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 END = 0.3
 #: Pixels of the material's sphere; rows of the light's map.
 SPHERE, LIGHT_ROWS = 100, 256
+#: Letters of a line below.
+LINE = 190
 
 
 def sheet(found: ImageFit) -> Figure:
@@ -61,7 +64,7 @@ def sheet(found: ImageFit) -> Figure:
         _draw_light(axes[4], found.light[0])
         for one in axes:
             one.axis("off")
-        figure.text(0.01, 0.03, found.summary, fontsize=6.5)
+        figure.text(0.01, 0.03, textwrap.fill(found.summary, LINE), fontsize=6.5)
     return figure
 
 
