@@ -172,3 +172,23 @@ def test_where_none_was_built_it_is_that_of_the_library(run, tmp_path):
         assert "nickel" in out
     assert run("blend", "nickel", "red-fabric", "-o", "half.json")[0] == 0
     assert dsbrdf.load(tmp_path / "half.json").n_lobes == 5
+
+
+def test_a_library_file_is_its_materials(run, tmp_path):
+    """In the space and on the page, as files of its models would be; single ones by name."""
+    models = [smooth_model(i) for i in range(3)]
+    file = tmp_path / "mine.dsbrdf"
+    dsbrdf.library.write(file, models)
+    assert run("build", file, "-o", tmp_path / "space.npz")[0] == 0
+    made = load_space(tmp_path / "space.npz")
+    assert made.names == tuple(model.name for model in models)
+    assert cli.main(["view", str(file), "-o", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert all(model.name in page for model in models)
+    name = models[1].name
+    np.testing.assert_allclose(
+        dsbrdf.library.model_named(f"{file}/{name}").lobes.gamma, models[1].lobes.gamma, rtol=1e-6
+    )
+    before = file.read_bytes()
+    assert run("build", file, "-o", file)[0] != 0
+    assert file.read_bytes() == before

@@ -171,12 +171,12 @@ def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
     """Models, in the order given; what is measured is fitted in the way that is best for spaces."""
     from dsbrdf import batch
     from dsbrdf.cli import _report as report
-    from dsbrdf.model import file as model_file
+    from dsbrdf.library import model_named
     from dsbrdf.space import FIT
     from dsbrdf.view import collect
 
     names = collect.expand(targets)
-    check_output(out, names)
+    check_output(out, [*targets, *names])
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
         step("")
@@ -187,9 +187,9 @@ def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
     for name in names:
         state.begin(name)
         with state.passing_over(name, names):
-            opened.append(model_file.load(name) if _is_model(name) else _model_of(next(fitted)))
+            opened.append(model_named(name) if _is_model(name) else _model_of(next(fitted)))
     state.begin("")
-    return opened
+    return [model for model in opened if model is not None]
 
 
 def _model_of(outcome: batch.Outcome) -> DSBRDF:
@@ -200,7 +200,11 @@ def _model_of(outcome: batch.Outcome) -> DSBRDF:
 
 
 def _is_model(name: str) -> bool:
-    return Path(name).suffix.lower() == ".json"
+    """Whether this is a model file, or a material of a library file."""
+    from dsbrdf.library import SUFFIX
+
+    path = Path(name)
+    return path.suffix.lower() == ".json" or path.parent.suffix.lower() == SUFFIX
 
 
 def _load(path: str | None) -> MaterialSpace:

@@ -5,7 +5,7 @@ database; `write` and `open` make and read files of your own, of any number of m
 out, `tools/library.py` in the repository made the built-in one.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from dsbrdf.library.file import SUFFIX, Library, LibraryFormatError, open, write
@@ -71,7 +71,7 @@ def model_named(target: str | Path) -> DSBRDF | None:
     """The model that a word of the command line stands for, None if it has to be measured or fitted first.
 
     A file comes first: a model file (.json) is read, any other file holds no model. Where there is no file of this
-    name, a material of the built-in library may have it.
+    name, a material of the built-in library may have it; and `FILE.dsbrdf/NAME` is a material of another library.
 
     Raises
     ------
@@ -91,4 +91,12 @@ def model_named(target: str | Path) -> DSBRDF | None:
     path = Path(target)
     if path.suffix.lower() == ".json":
         return model_file.load(path)
+    if path.parent.suffix.lower() == SUFFIX and path.parent.is_file():
+        return _opened(path.parent, path.parent.stat().st_mtime_ns).load(path.name)
     return load(str(target)) if not path.exists() and str(target) in names() else None
+
+
+@lru_cache(maxsize=4)
+def _opened(path: Path, _changed: int) -> Library:
+    """A library, opened once for all its materials."""
+    return open(path)

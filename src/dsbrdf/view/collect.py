@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import batch
+from dsbrdf import batch, library
 from dsbrdf.fitting import fit
-from dsbrdf.library import model_named
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.view.page import view
@@ -20,18 +19,21 @@ PAGE = "view.html"
 
 
 def expand(targets: Sequence[str | Path]) -> list[str]:
-    """Files and names of materials, with folders replaced by the models in them, or else by the measured files.
+    """Files and names of materials, with libraries and folders replaced by their models, or else by measured files.
 
     Raises
     ------
     ValueError
-        If a folder holds neither.
+        If a folder holds neither, or a library is not sound.
     OSError
         If a folder cannot be read.
     """
     expanded: list[str] = []
     for target in targets:
         path = Path(target)
+        if path.suffix.lower() == library.SUFFIX and path.is_file():
+            expanded += [f"{path}/{name}" for name in library.open(path).names]
+            continue
         if not path.is_dir():
             expanded.append(str(target))
             continue
@@ -60,7 +62,7 @@ def open_model(
         If the file cannot be read.
     """
     begin(Path(target).stem)
-    model = model_named(target)
+    model = library.model_named(target)
     return fit(batch.open_target(target, reading)).model if model is None else model
 
 
