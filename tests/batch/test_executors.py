@@ -143,6 +143,11 @@ def test_work_is_sent_in_chunks(folder, monkeypatch):
     seconds, lossless.sent = 3.0, []
     run(folder, None, executor=lossless, pending=1)
     assert [len(chunk) for chunk in lossless.sent] == [1] * 10
+    # What is kept takes no time; and no more are sent by themselves than it takes to see how long one takes
+    monkeypatch.setattr(dispatch, "PROBES", 2)
+    seconds, lossless.sent = 0.0, []
+    run(folder, None, executor=lossless, pending=100)
+    assert [len(chunk) for chunk in lossless.sent] == [1, 1, 8]
 
 
 def test_a_worker_hands_back_what_takes_too_long(folder, monkeypatch):

@@ -31,6 +31,8 @@ THREADS = 2
 #: Chunks that are sent before the first comes back: so many a worker, or all in all if the executor does not say how
 #: many workers it has; one beyond those that threads work on, as what they read takes memory here.
 CHUNKS_A_WORKER, CHUNKS, AHEAD = 2, 1000, 1
+#: Chunks, of a job each, that are sent before it is known how long a job takes.
+PROBES = 16
 #: Times that a job is sent before it is given up.
 ATTEMPTS = 2
 
@@ -68,12 +70,12 @@ def dispatched(
     lost: deque[Sequence[Job]] = deque()
     alone: deque[Job] = deque()
     deaths: Counter[int] = Counter()
-    size, ended = 1, False
+    size, ended, limit = 1, False, min(sender.limit, PROBES)
     try:
         while True:
             if alone and not sender.pending:
                 sender.send([alone.popleft()])
-            while not alone and len(sender.pending) < sender.limit and (lost or not ended):
+            while not alone and len(sender.pending) < limit and (lost or not ended):
                 chunk = lost.popleft() if lost else _taken(jobs, size)
                 if chunk:
                     sender.send(chunk)
@@ -85,8 +87,9 @@ def dispatched(
             yield from zip(chunk, answers, strict=False)
             rest = chunk[len(answers) :]
             if error is None:
-                if seconds:
-                    size = min(max(math.ceil(CHUNK_SECONDS / seconds), 1), MAX_CHUNK)
+                # What was kept takes no time
+                size = max(math.ceil(CHUNK_SECONDS / max(seconds, CHUNK_SECONDS / MAX_CHUNK)), 1)
+                limit = sender.limit
                 if rest:
                     lost.append(rest)
                 continue
