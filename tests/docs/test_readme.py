@@ -25,9 +25,21 @@ def test_commands_exist():
 
     from dsbrdf.cli import app
 
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
-    commands = {line.split()[1] for line in lines if line.startswith("dsbrdf ")}
-    assert commands
+    texts = [*blocks("sh"), *re.findall(r"`(dsbrdf [^`]*)`", README.read_text(encoding="utf-8"))]
+    commands = set(re.findall(r"^dsbrdf ([a-z]+)", "\n".join(texts), re.MULTILINE))
+    # Each question has its command
+    assert commands >= {
+        "fit",
+        "info",
+        "view",
+        "render",
+        "check",
+        "export",
+        "convert",
+        "photo",
+        "plan",
+        "space",
+    }
     for command in commands:
         assert CliRunner().invoke(app, [command, "--help"]).exit_code == 0
 
