@@ -252,10 +252,12 @@ def _unknown(
     space = _space(prior)
     gaussian = _gaussian(space, picture.n_channels)
     step("material, whatever the light")
-    some = seen.take(chosen(picture.flat[seen.pixel], unknown.N_PIXELS))
-    scene = unknown.Scene(some.middles, picture.flat[some.pixel], unknown.Grid(unknown.ROWS))
-    x, spread = unknown.material(scene, space, gaussian)
+    grid = unknown.Grid(unknown.ROWS)
+    # Even over the picture: many pixels of highlights would speak for mirrors
+    few, many = (_even(seen, most) for most in (unknown.N_PIXELS, unknown.N_LIGHT))
+    x, spread = unknown.material(unknown.Scene(few.middles, picture.flat[few.pixel], grid), space, gaussian)
     step("light")
+    scene = unknown.Scene(many.middles, picture.flat[many.pixel], grid)
     light = Light.from_map(scene.light(search.raw_lobes(x, gaussian)))
     problem = _problem(pictures, of_points, [light], gaussian, False)
     found = problem.at(x)
@@ -269,6 +271,12 @@ def _unknown(
         n_decided=max(float(np.trace(np.eye(len(spread)) - spread @ gaussian.precision)), 0.0),
         posterior=dataclasses.replace(fit.posterior, covariance=spread),
     )
+
+
+def _even(seen: Points, most: int) -> Points:
+    """Some pixels, even over the picture."""
+    n = len(seen.pixel)
+    return seen.take(np.linspace(0, n - 1, min(n, most)).astype(int))
 
 
 def _space(prior: str | MaterialSpace | Gaussian) -> MaterialSpace:

@@ -40,8 +40,8 @@ COMMON, LEVEL = 0.9, 3.0
 NOISE = 0.05
 #: Directions along a side of a cell.
 SUB = 2
-#: Rows of the light's map, and pixels that are compared.
-ROWS, N_PIXELS = 24, 70
+#: Rows of the light's map; pixels that materials are compared by, and those that tell the light.
+ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
 #: Power of the probability of a picture that weighs materials, and of that which tells how uncertain they are: cells
 #: and materials are not quite those of the picture, which the noise does not know.
 SHARPNESS, CAUTION = 0.3, 0.01
