@@ -196,7 +196,7 @@ def test_a_broken_executor_is_replaced(folder):
         made.append(Lossy(lambda chunk: any(job.index == 3 for job in chunk), BrokenExecutor))
         return made[-1]
 
-    outcomes = run(folder, None, executor=make)
+    outcomes = run(folder, None, executor=make, pending=6)
     assert [outcome.error is None for outcome in outcomes] == [i != 3 for i in range(10)]
     assert isinstance(outcomes[3].error, batch.WorkerDiedError)
     assert len(made) == 4
