@@ -4,10 +4,9 @@ import dataclasses
 import sys
 import warnings
 
-import matplotlib
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from figures import assert_nothing_is_cut
 from matplotlib.figure import Figure
 
 import dsbrdf
@@ -46,21 +45,6 @@ def with_channels(model, n, names=()):
 def line(axes, label):
     (found,) = [line for line in axes.get_lines() if line.get_label() == label]
     return found
-
-
-def assert_nothing_is_cut(figure):
-    """No text lies outside of the figure."""
-    with matplotlib.rc_context(plot.STYLE):
-        FigureCanvasAgg(figure).draw()
-    whole = figure.bbox
-    texts = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
-    for axes in figure.axes:
-        texts += [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.get_xticklabels()]
-        texts += axes.get_legend().get_texts() if axes.get_legend() else []
-    for text in (text for text in texts if text.get_text() and text.get_visible()):
-        box = text.get_window_extent()
-        inside = whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1
-        assert inside, f"{text.get_text()!r} at {box}, figure {whole}"
 
 
 @pytest.mark.parametrize("convention", ["centre", "edge"])

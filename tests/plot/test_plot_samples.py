@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from figures import assert_nothing_is_cut
 
 import dsbrdf
 from dsbrdf import Samples, cli, plot
+from dsbrdf.plot import space as figures_of_a_space
 
 
 def directions(theta, phi):
@@ -73,3 +75,15 @@ def test_info_and_fit_draw_measured_files(scan, tmp_path, capsys):
     assert (tmp_path / "out" / "scan.png").stat().st_size > 10_000
     assert cli.main(["info", "matte", "--plot", str(tmp_path / "x.png")]) == 2
     assert "draws measured files" in capsys.readouterr().err
+
+
+def test_nothing_of_samples_is_cut(scan):
+    assert_nothing_is_cut(plot.samples_figure(scan))
+    assert_nothing_is_cut(dsbrdf.fit(scan, 1).plot())
+
+
+@pytest.mark.parametrize("name", figures_of_a_space.FIGURES)
+def test_nothing_of_a_space_is_cut(name):
+    names = ("nickel", "specular-black-phenolic", "red-fabric", "delrin", "blue-acrylic")
+    space = dsbrdf.space.build_space([dsbrdf.library.load(each) for each in names])
+    assert_nothing_is_cut(figures_of_a_space.FIGURES[name](space))
