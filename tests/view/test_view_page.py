@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -369,6 +370,24 @@ def test_an_unedited_model_comes_back_whole(show, models, tmp_path):
         np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-6)
     assert loaded.fit_options == json.loads(json.dumps(dict(models[0].fit_options)))
     assert loaded.errors == pytest.approx(models[0].errors)
+
+
+def test_names_that_would_do_harm_as_files_or_code(show, models, tmp_path):
+    """They are text in the page, safe names of files, and end no comment."""
+    name = "../con <img src=x onerror=document.title='broken'>\n#error \x1b \\"
+    view([models[0].replace(name=name)], tmp_path / "page.html")
+    page = show(file=tmp_path / "page.html")
+    assert page.title() != "broken"
+    assert page.locator("img").count() == 0
+    with page.expect_download() as event:
+        page.click("#download-glsl")
+    assert re.fullmatch(r"[\w-][\w.-]*\.glsl", event.value.suggested_filename)
+    event.value.save_as(tmp_path / "model.glsl")
+    first, second = (tmp_path / "model.glsl").read_text().splitlines()[:2]
+    assert first.startswith("// ../con <img")
+    assert first.isprintable()
+    assert not first.endswith("\\")
+    assert "#error" not in second
 
 
 def test_a_link_carries_the_state(show):

@@ -80,9 +80,11 @@ def conserve_energy(model: DSBRDF) -> DSBRDF:
     colour = _refined(lobes.colour, size)
     # Which coefficients the light of an angle asks to be lowered: most of it has a theta_d below its own angle
     reach = curve_design(np.cos(ANGLES), size)
-    for _ in range(MAX_ROUNDS):
-        excess = np.log(np.maximum(light, 1e-300) / (1.0 - 0.2 * ALBEDO_TOLERANCE))
-        taken = (reach[..., None] * np.maximum(excess, 0.0)[:, None]).max(0)
+    for i in range(MAX_ROUNDS):
+        excess = np.maximum(np.log(np.maximum(light, 1e-300) / (1.0 - 0.2 * ALBEDO_TOLERANCE)), 0.0)
+        # Where the light of an angle comes from elsewhere, the whole channel is lowered in the end
+        from_where = reach[..., None] if i < MAX_ROUNDS // 2 else np.ones((1, size, 1))
+        taken = (from_where * excess[:, None]).max(0)
         colour = colour - 1.1 * taken.T[:, None, :]
         lowered = model.replace(lobes=lobes.replace(colour=colour), errors={})
         light = albedo(lowered, ANGLES, N_PHI)

@@ -8,6 +8,13 @@ function number(value) {
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
+/** A name in a comment of one line: what does not print goes, and what would continue the line. */
+const comment = (name) =>
+  name
+    .replace(/[\p{C}\p{Z}\s]+/gu, " ")
+    .slice(0, 200)
+    .replace(/[\\/ ]+$/, "");
+
 /** GLSL source of a material; `shaders` as in sphere.js. */
 export function bakedGlsl(material, shaders) {
   const { width, data } = packParameters(material);
@@ -16,7 +23,7 @@ export function bakedGlsl(material, shaders) {
     (_, i) => `vec4(${Array.from(data.subarray(4 * i, 4 * i + 4), number).join(", ")})`,
   );
   return [
-    `// ${material.name.replace(/\s+/g, " ")}`,
+    `// ${comment(material.name)}`,
     shaders.constants,
     `const vec4 DSBRDF_TEXELS[${width}] = vec4[${width}](\n    ${texels.join(",\n    ")});`,
     "vec4 dsbrdf_texel(int i) { return DSBRDF_TEXELS[i]; }",

@@ -51,10 +51,10 @@ function offer(text, name, type) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** A name for a file, of letters, digits, points and minus signs alone: the browser keeps it in its folder of downloads. */
+/** A name for a file, of letters, digits and _.- alone: the browser keeps it in its folder of downloads. */
 const fileStem = () =>
   shownModel()
-    .name.replace(/[^\p{L}\p{N}.-]+/gu, "-")
+    .name.replace(/[^\p{L}\p{N}_.-]+/gu, "-")
     .replace(/^[.-]+|[.-]+$/g, "")
     .slice(0, 60)
     .replace(/^(con|prn|aux|nul|com\d|lpt\d)(?=\.|$)/i, "$1-") || "unnamed";
