@@ -5,6 +5,7 @@ import os
 import struct
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 import zlib
 
@@ -14,9 +15,11 @@ import pytest
 from spaces import smooth_model
 
 import dsbrdf
-from dsbrdf import batch, library
+from dsbrdf import Samples, batch, library
+from dsbrdf.fitting.observations import Observations
 from dsbrdf.images import sources
 from dsbrdf.measured.formats import image_file, tensor_file
+from dsbrdf.model.file import dumps, loads
 from dsbrdf.space import build_space, load_space
 from dsbrdf.space.space_file import SpaceFormatError
 
@@ -284,13 +287,22 @@ def test_spaces(tmp_path):
         load_space(tmp_path / "space.npz")
 
 
-def test_the_cost_of_channels_is_linear():
-    """Evaluation of 2 channels to 9,000 and the page's packing: memory for each channel is the same."""
-    wi = np.tile([0.0, 0.6, 0.8], (10, 1))
-    for n in (2, 9000):
+def test_the_memory_of_channels_is_linear():
+    """Ten times the channels take no more than ten times the memory, and a little: observations, values, files."""
+
+    def peak(n):
+        wi = np.tile([0.0, 0.6, 0.8], (50, 1))
         model = smooth_model(1, n_channels=n)
-        assert model.eval(wi, wi).shape == (10, n)
-        assert model.n_parameters == model.replace(lobes=model.lobes).n_parameters
+        tracemalloc.start()
+        values = model.eval(wi, wi)
+        Observations.of(Samples(wi, wi, values))
+        loads(dumps(model))
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    peak(300)
+    assert peak(3000) < 12 * peak(300)
 
 
 def test_text_of_too_many_columns(tmp_path):
