@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -43,8 +42,8 @@ class Coloured:
 
 def wavelengths(channels: Sequence[str]) -> Array | None:
     """Wavelengths in nm that all channels are named after, as in 450nm or 450; None if they are not."""
-    found = [re.fullmatch(r"(\d+(?:\.\d+)?)\s*(?:nm)?", name.strip()) for name in channels]
-    values = np.array([float(match[1]) for match in found if match is not None])
+    found = [colour.wavelength(name.strip()) for name in channels]
+    values = np.array([nm for nm in found if nm is not None])
     return values if len(values) == len(found) and (values >= 100.0).all() else None
 
 
@@ -65,28 +64,30 @@ def take_channels(model: DSBRDF, names: Sequence[str]) -> DSBRDF:
 
 
 def in_colour(model: DSBRDF) -> DSBRDF | Coloured:
-    """A model in linear sRGB: as it is, grey of one channel, by CIE 1931 under D65 of wavelengths.
+    """A model in linear sRGB: grey of one channel, by CIE 1931 under D65 of wavelengths and of X, Y and Z.
+
+    Three channels of other names are taken as red, green and blue.
 
     Raises
     ------
     ValueError
         If the channels tell no colour.
     """
-    if model.n_channels == 3 and wavelengths(model.channels) is None:
-        return model
+    names = list(model.channels)
     if model.n_channels == 1:
         lobes = model.lobes.numpy
         return model.replace(lobes=lobes.replace(colour=np.repeat(lobes.colour, 3, axis=0)), channels=RGB)
-    nm = wavelengths(model.channels)
-    if nm is None:
-        raise ValueError(
-            f"{model.name or 'the model'}: its {model.n_channels} channels ({', '.join(model.channels)[:100]}) tell no "
-            "colour. Choose one or three of them: --channels A,B,C, or dsbrdf.export.export(..., channels=...)."
-        )
-    order = np.argsort(nm)
-    weights = np.empty((3, len(nm)))
-    weights[:, order] = colour.srgb_weights(nm[order])
-    return Coloured(model, weights)
+    if sorted(names) == sorted(RGB):
+        return model if names == list(RGB) else take_channels(model, RGB)
+    try:
+        return Coloured(model, colour.rgb_weights(names))
+    except ValueError:
+        if model.n_channels == 3:
+            return model
+    raise ValueError(
+        f"{model.name or 'the model'}: its {model.n_channels} channels ({', '.join(names)[:100]}) tell no "
+        "colour. Choose one or three of them: --channels A,B,C, or dsbrdf.export.export(..., channels=...)."
+    )
 
 
 def lobes_in_colour(model: DSBRDF) -> DSBRDF:
