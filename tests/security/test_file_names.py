@@ -106,6 +106,19 @@ def test_a_batch_of_hostile_names(small_table, tmp_path, capsys):
     assert all(outcome.kept for outcome in again)
 
 
+def test_files_of_others_stay(small_table, tmp_path):
+    """A name that is that of a file in the folder fails, unless forced; models and figures of ours are replaced."""
+    table = dataclasses.replace(small_table, name="package")
+    for name in ("package.json", "package.png"):
+        (tmp_path / name).write_text("precious")
+        options = {"n_lobes": 1, "record": False, "plots": True}
+        (outcome,) = batch.fit_many([table], tmp_path, **options)
+        assert "dsbrdf did not write it" in outcome.status
+        assert (tmp_path / name).read_text() == "precious"
+        assert batch.fit_many([table], tmp_path, force=True, **options)[0].error is None
+        assert batch.fit_many([table], tmp_path, **options)[0].error is None
+
+
 def test_figures_of_hostile_names(small_table, tmp_path):
     table = dataclasses.replace(small_table, name="../../up $\\frac{")
     (outcome,) = batch.fit_many([table], tmp_path / "deep" / "out", n_lobes=1, plots=True, record=False)

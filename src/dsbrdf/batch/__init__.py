@@ -269,6 +269,8 @@ def fit_many(
                 path = None if folder is None else folder / f"{_files.file_name(answer.name)}.json"
                 if path is not None:
                     claim(path, job.index, label)
+                    if not answer.kept:
+                        _check_strangers(path, answer, force=force)
                 outcomes[job.index] = _finished(label, answer, path, book)
             except _FailedError as failed:
                 outcomes[job.index] = fail(label, failed.error)
@@ -292,6 +294,15 @@ def _jobs(targets: Iterable[Target], book: Book, figures: bool) -> Iterator[Job]
         file = Path(target) if isinstance(target, str) else target.source.file
         known = None if file is None else book.known(file.name, figures=figures)
         yield Job(index, target, known)
+
+
+def _check_strangers(path: Path, answer: Answer, *, force: bool) -> None:
+    """Fail a material whose name is that of a file, in the folder, that is no model or figure of ours."""
+    try:
+        for file in (path, *(figure_path(path, ending) for ending in answer.figures)):
+            _files.check_replaceable(file, force=force)
+    except FileExistsError as error:
+        raise _FailedError(error) from None
 
 
 def _finished(label: str, answer: Answer, path: Path | None, book: Book) -> Outcome:

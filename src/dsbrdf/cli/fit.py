@@ -80,7 +80,7 @@ def fit(
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Of many files, fit also those whose model is there already.")
+        bool, typer.Option("--force", help="Fit also what is fitted already; replace files of others.")
     ] = False,
     workers: Annotated[
         int | None,

@@ -236,7 +236,8 @@ def _stem(name: str) -> str:
 
 def _write(model: DSBRDF, out: Path | None, *inputs: str) -> None:
     path = out or Path(f"{_stem(model.name)}.json")
-    check_output(path, inputs)
+    # A name that comes from a file does not decide what is replaced
+    check_output(path, inputs, force=out is not None)
     check_folder(path.parent)
     model.save(path)
     tell(path)

@@ -79,4 +79,7 @@ def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
     """
     path = Path(path)
     with _files.aside(path) as part, matplotlib.rc_context(STYLE):
-        figure.savefig(part, format=path.suffix[1:], dpi=dpi)
+        # By which a later run knows that it may be replaced
+        maker = {"png": "Software", "pdf": "Creator", "svg": "Creator"}.get(path.suffix[1:].lower())
+        metadata = {maker: "dsbrdf"} if maker else None
+        figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata)
