@@ -72,7 +72,9 @@ def test_the_shell_completes_commands():
 def test_ctrl_c_does_not_wait_for_the_kernel():
     """The work would never end: the process does, in one line."""
     code = (
-        "import sys, time\n"
+        "import signal, sys, time\n"
+        # A parent in the background may have left it ignored
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from dsbrdf.cli import app, main\n"
         "@app.command()\n"
         "def stuck():\n"
