@@ -121,6 +121,21 @@ def test_what_data_do_not_decide_keeps_the_spread_of_the_prior(rng):
     assert 0.0 < posterior.n_decided < 4.0
 
 
+def test_lobes_of_a_prior_keep_their_spread_in_any_order(rng):
+    lobes = known().lobes
+    wi, wo = pairs(rng, 5)
+    samples = Samples(wi, wo, known().eval(wi, wo) * np.exp(0.1 * rng.normal(size=(5, 3))))
+    spreads = []
+    for given, flat in ((lobes, 0), (lobes.take([1, 0]), 1)):
+        mean = unknowns_of(given)
+        deviation = np.full((2, 14), 0.3)
+        deviation[flat] = 0.05
+        precision = np.concatenate([deviation.ravel(), np.full(len(mean) - 28, 0.3)]) ** -2.0
+        prior = Gaussian((6, 4, 3, 1, 2), 2, mean, np.diag(precision), ("r", "g", "b"))
+        spreads.append(fit(samples, prior=prior).posterior.deviation(wi, wo))
+    np.testing.assert_allclose(*spreads, rtol=1e-3)
+
+
 def test_data_decide_what_they_cover(noisy):
     n = len(unknowns_of(noisy[0].model.lobes))
     assert n == 40

@@ -7,7 +7,7 @@ mean of squared residuals and n the independent observations that the data are w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,9 +249,24 @@ def _with_prior(observations: Observations, options: FitOptions, prior: Gaussian
         prior=(prior.mean.tolist(), prior.precision.ravel().tolist()),
     )
     lobes = lobes_of(end["x"], how.sizes, prior.n_lobes, observations.n_channels)
+    prior = _in_order(prior, end["x"], observations.n_channels)
     return Estimate(
         lobes, end["objective"], end["squares"], np.empty(0), end["iterations"], end["converged"], how, prior
     )
+
+
+def _in_order(prior: Gaussian, x: Array, n_channels: int) -> Gaussian:
+    """The prior with its lobes in the order in which `lobes_of` has those of the unknowns."""
+    *shared, n_colour = prior.sizes
+    n_lobes = prior.n_lobes
+    rows, colours = np.split(np.arange(len(x)), [n_lobes * sum(shared)])
+    rows = rows.reshape(n_lobes, -1)
+    gamma = x[rows[:, shared[0] : shared[0] + shared[1]]].mean(1)
+    order = np.argsort(gamma, kind="stable")
+    if colours.size:
+        colours = colours.reshape(n_channels, n_lobes, n_colour)[:, order]
+    at = np.concatenate([rows[order].ravel(), colours.ravel()])
+    return replace(prior, mean=prior.mean[at], precision=prior.precision[np.ix_(at, at)])
 
 
 def with_support(observations: Observations, expected: Expectation) -> Observations:
