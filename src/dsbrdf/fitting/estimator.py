@@ -42,6 +42,8 @@ PENALTY = (0.25, 0.25, 0.1)
 ABSENT = -30.0
 #: What a space expects counts as so many observations, and ends the search as above: it is itself no more exact.
 SUPPORT, SUPPORT_TOLERANCE = 100.0, 0.3
+#: RMS of the residuals of one scan that lobes without change over theta_d may have.
+ENOUGH = 0.03
 #: More channels than this are grown as so many means of neighbours.
 MAX_GROWN_CHANNELS = 3
 
@@ -147,6 +149,9 @@ def estimate(
         criteria = np.array([_criterion(observations, how, found) for found in path])
         best = int(criteria.argmin()) if options.n_lobes == AUTO else most - 1
         candidates.append((criteria[best], how, path[best], criteria, path))
+        # One scan does not tell theta_h from theta_d: what needs no change over theta_d has none
+        if observations.is_one_scan and path[best]["squares"] < ENOUGH**2:
+            break
     _, how, chosen, criteria, path = min(candidates, key=lambda candidate: candidate[0])
     if options.n_lobes != AUTO:
         criteria = np.empty(0)
@@ -229,6 +234,10 @@ def _criterion(observations: Observations, how: _Options, found: _core._Solution
     numbers = found["n_lobes"] * (
         sum(shared) + (min(observations.n_channels, MAX_GROWN_CHANNELS) - 1) * colour
     )
+    # As many numbers as values would explain anything
+    least = found["n_lobes"] == 1 and how.sizes == CONSTANT
+    if not least and 3 * numbers > 2 * np.count_nonzero(observations.weights):
+        return float("inf")
     return found["objective"] + numbers * float(np.log(max(observations.n_effective, 2.0)))
 
 

@@ -36,6 +36,8 @@ OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
+#: Differences of directions below this are rounding.
+SAME = 1e-3
 #: Smaller cosine of a cell below which it counts less, in proportion: little light goes there, and few instruments
 #: measure it well.
 GRAZING = 0.5
@@ -68,6 +70,9 @@ class Observations(Brief):
         Independent observations that all this is worth.
     light : (angle, position, node) ndarray, optional
         How much values of a table count for the light from near each of `energy.ANGLES`.
+    is_one_scan : bool, optional
+        Whether these are samples in one plane of incidence with light or viewer at rest: theta_h and theta_d vary
+        together, and what each does cannot be told apart.
 
     Attributes
     ----------
@@ -84,6 +89,7 @@ class Observations(Brief):
     weights: Array
     n_effective: float
     light: Array | None = None
+    is_one_scan: bool = False
     offset: Array = field(init=False)
     kernel: _core.Observations = field(init=False, repr=False)
 
@@ -96,7 +102,7 @@ class Observations(Brief):
     def __reduce__(self) -> tuple[Any, ...]:
         # What the kernel holds is made again
         arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
-        return Observations, (*arrays, self.n_effective, self.light)
+        return Observations, (*arrays, self.n_effective, self.light, self.is_one_scan)
 
     @property
     def n_channels(self) -> int:
@@ -222,7 +228,15 @@ def _of_samples(samples: Samples) -> Observations:
         values[:, None],
         np.where(valid, weights, 0.0)[:, None],
         max(min(EFFECTIVE, n), 1.0),
+        is_one_scan=_is_one_scan(samples.wi, samples.wo),
     )
+
+
+def _is_one_scan(wi: Array, wo: Array) -> bool:
+    at_rest = any(np.abs(w - w[:1]).max() < SAME for w in (wi, wo))
+    # In one plane with the normal: no triple product
+    out_of_plane = wi[:, 0] * wo[:, 1] - wi[:, 1] * wo[:, 0]
+    return bool(at_rest and np.abs(out_of_plane).max() < SAME)
 
 
 def _cos_product(theta_h: Array, theta_d: Array, cos_2phi: Array) -> Array:
