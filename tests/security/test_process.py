@@ -3,7 +3,6 @@
 import concurrent.futures
 import copy
 import errno
-import multiprocessing
 import os
 import pickle
 import resource
@@ -212,24 +211,40 @@ def numbers(table):
     return dsbrdf.fit(table, 2).model.lobes.parts
 
 
+PROCESSES = """
+import multiprocessing, sys
+import dsbrdf
+from dsbrdf.measured import built_in
+from dsbrdf.measured.table import tabulate
+
+def numbers(table):
+    return [part.tolist() for part in dsbrdf.fit(table, 2).model.lobes.parts]
+
 def answer(table, queue):
-    queue.put([part.tolist() for part in numbers(table)])
+    queue.put(numbers(table))
 
-
-@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
-@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
-@pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_processes_after_use(small_table, method):
-    """The kernel's threads do not come along in a fork; it works nevertheless."""
-    expected = [part.tolist() for part in numbers(small_table)]
-    context = multiprocessing.get_context(method)
+if __name__ == "__main__":
+    table = tabulate(built_in.get("rough-gold").reflectance, "gold", shape=(9, 8, 12))
+    expected = numbers(table)
+    context = multiprocessing.get_context(sys.argv[1])
     queue = context.Queue()
-    process = context.Process(target=answer, args=(small_table, queue))
+    process = context.Process(target=answer, args=(table, queue))
     process.start()
-    found = queue.get(timeout=60)
+    assert queue.get(timeout=60) == expected
     process.join(60)
     assert process.exitcode == 0
-    assert found == expected
+"""
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_processes_after_use(tmp_path, method):
+    """The kernel's threads do not come along in a fork; it works nevertheless."""
+    script = tmp_path / "processes.py"
+    script.write_text(PROCESSES)
+    done = subprocess.run(
+        [sys.executable, script, method], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_eight_threads(make_table):
