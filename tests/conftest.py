@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,10 @@ from hypothesis import settings
 from reflectances import closed_form
 
 from dsbrdf import material, tabulate, write_merl
+
+# A shell that runs in the background leaves Ctrl-C ignored, here and in all that is started from here
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The first example of a test may have to wait for an import or a file
 settings.register_profile("dsbrdf", settings.default, deadline=None)
