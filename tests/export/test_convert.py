@@ -123,8 +123,16 @@ def test_a_table_to_rgl(tmp_path):
     assert read(tmp_path / "t.bsdf").values[30, 30, 30] == pytest.approx([0.1, 0.2, 0.3], rel=1e-3)
 
 
+def test_bird_holds_samples(model_file, tmp_path):
+    with pytest.raises(
+        ValueError, match=r"BiRD JSON holds scattered samples; use \.npz or \.csv for a table"
+    ):
+        convert(model_file, tmp_path / "x.brdf", "bird")
+    assert not (tmp_path / "x.brdf").exists()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "bird"])
 def test_a_model_to_every_format(model_file, tmp_path, kind):
     # The suffix may be another
     done = convert(model_file, tmp_path / "x.dat", kind)
