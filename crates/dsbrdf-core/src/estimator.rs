@@ -650,8 +650,9 @@ fn add_times(columns: &[f64], stride: usize, residual: &[f64], sums: &mut [f64])
 /// Two vectors of eight, so that sums wait less for each other.
 const LANES: usize = 16;
 
+/// The sum of products, to be inlined where vectors are as wide as the machine's.
 #[inline(always)]
-fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
+pub fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
     let rest = xs.remainder().iter().zip(ys.remainder());
@@ -669,7 +670,7 @@ fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     dot_lanes(x, y)
 }
 

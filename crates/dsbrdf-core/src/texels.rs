@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use crate::arrow::Arrow;
-use crate::estimator::{FALLOFF_RANGE, LN_GAMMA, LN_KAPPA, MAX_BETA, MAX_COLOUR, Prior};
+use crate::estimator::{FALLOFF_RANGE, LN_GAMMA, LN_KAPPA, MAX_BETA, MAX_COLOUR, Prior, dot, dot_lanes};
 use crate::exp::{exp, expm1, ln};
 use crate::levenberg_marquardt::{LeastSquares, Stop, minimise};
 use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
@@ -729,25 +729,6 @@ fn products(columns: &[f64], residual: &[f64], sums: &mut [f64], gradient: &mut 
         }
         gradient[a] += dot_lanes(x, residual);
     }
-}
-
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    dot_lanes(x, y)
-}
-
-#[inline(always)]
-fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
-    let mut sums = [0.0; 16];
-    let (xs, ys) = (x.chunks_exact(16), y.chunks_exact(16));
-    let rest: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in xs.zip(ys) {
-        for lane in 0..16 {
-            sums[lane] = x[lane].mul_add(y[lane], sums[lane]);
-        }
-    }
-    let eight: [f64; 8] = std::array::from_fn(|i| sums[i] + sums[i + 8]);
-    eight.iter().sum::<f64>() + rest
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf.geometry import colour
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.model.lobes import SHARED
@@ -102,11 +103,9 @@ def rgb_channels(names: Sequence[str]) -> list[int]:
     n = len(names)
     if n == len(RGB_NM):
         return list(range(n))
-    try:
-        wavelengths = np.array([float(name.removesuffix("nm")) for name in names])
-    except ValueError:
-        wavelengths = np.zeros(0)
-    if n > 1 and wavelengths.size and VISIBLE[0] < wavelengths.mean() < VISIBLE[1]:
+    wavelengths = np.array([colour.wavelength(name) or np.nan for name in names])
+    # NaN, of a name that is no wavelength, is in no range
+    if n > 1 and VISIBLE[0] < wavelengths.mean() < VISIBLE[1]:
         return [int(np.abs(wavelengths - nm).argmin()) for nm in RGB_NM]
     return [n - 1, (n - 1) // 2, 0]
 
