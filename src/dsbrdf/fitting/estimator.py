@@ -160,13 +160,13 @@ def estimate(
     if chosen["n_lobes"] > 1:
         starts.append(_padded(path[chosen["n_lobes"] - 2], how.sizes))
 
-    def refined(start: _core._Solution, n: int | None, tolerance: float) -> _core._Solution:
-        part = observations.kernel if n is None else observations.kernel.thinned(n)
+    def refined(start: _core._Solution, part: _core.Observations, tolerance: float) -> _core._Solution:
         x = start["x"].tolist()
         return part.refine(how, start["n_lobes"], x, iterations=options.max_iterations, tolerance=tolerance)
 
-    near = min((refined(start, N_NEAR, TOLERANCE) for start in starts), key=lambda found: found["objective"])
-    end = refined(near, None, LAST_TOLERANCE)
+    part = observations.kernel.thinned(N_NEAR)
+    near = min((refined(start, part, TOLERANCE) for start in starts), key=lambda found: found["objective"])
+    end = refined(near, observations.kernel, LAST_TOLERANCE)
     lobes = lobes_of(end["x"], how.sizes, end["n_lobes"], observations.n_channels)
     if observations.light is not None and options.loss != "l2":
         lobes = energy.keep_light(
