@@ -343,8 +343,16 @@ def _as_expected(observations: Observations, found: Estimate, expected: Expectat
 
 
 def band(value: Any, deviation: Array, level: float) -> tuple[Array, Array]:
-    """Lower and upper bounds of values (..., channel) with these deviations of their logarithm."""
+    """Lower and upper bounds of values (..., channel) with these deviations of their logarithm.
+
+    Raises
+    ------
+    ValueError
+        If `level` is not between 0 and 1.
+    """
     from scipy.special import ndtri
 
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
     factor = np.exp(float(ndtri(0.5 + 0.5 * level)) * deviation)
     return value / factor, value * factor

@@ -151,8 +151,6 @@ class ImageFit(Brief):
         ValueError
             If `level` is not between 0 and 1.
         """
-        if not 0.0 < level < 1.0:
-            raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
         return uncertainty.band(np.asarray(self.model.eval(wi, wo)), self.posterior.deviation(wi, wo), level)
 
 
