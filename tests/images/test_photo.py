@@ -153,3 +153,22 @@ def test_bad_lists_of_lights(tmp_path, text, message):
     (tmp_path / "l.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
         sources.read_lights(tmp_path / "l.csv")
+
+
+@pytest.mark.parametrize("value", [1e200, 1e308, np.inf, np.nan])
+def test_normals_and_lights_without_a_length(tmp_path, value):
+    """Squares that are no numbers: a normal keeps its direction, or is none; a light is refused or has one."""
+    normals = np.zeros((2, 2, 3))
+    normals[..., 2] = 1.0
+    normals[0, 0, 0] = value
+    np.save(tmp_path / "n.npy", normals)
+    found = sources.read_normals(tmp_path / "n.npy")
+    np.testing.assert_array_equal(found[1, 1], [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found[0, 0], [float(np.isfinite(value)), 0.0, 0.0], atol=1e-100)
+    (tmp_path / "lights.csv").write_text(f"x,y,z\n{value},0,1\n")
+    if np.isfinite(value):
+        (light,) = sources.read_lights(tmp_path / "lights.csv")
+        assert light.map is None
+    else:
+        with pytest.raises(ValueError, match="light 1"):
+            sources.read_lights(tmp_path / "lights.csv")

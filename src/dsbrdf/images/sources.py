@@ -7,6 +7,7 @@ light each in `light_directions.txt` and `light_intensities.txt`, `mask.png`, an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,8 +67,8 @@ def _light(row: list[float], where: str) -> Light:
     if len(row) not in (DIRECTION, COLOURED):
         raise ValueError(f"{where}: expected x y z, or x y z r g b, got {len(row)} numbers.")
     direction = np.array(row[:DIRECTION])
-    length = float(np.linalg.norm(direction))
-    if not (np.isfinite(row).all() and length > 0.0 and min([0.0, *row[DIRECTION:]]) >= 0.0):
+    length = math.hypot(*direction)
+    if not (np.isfinite([*row, length]).all() and length > 0.0 and min([0.0, *row[DIRECTION:]]) >= 0.0):
         raise ValueError(f"{where}: expected a direction and irradiances that are not negative, got {row}.")
     return Light.distant(direction / length, np.array([row[DIRECTION:] or [1.0] * 3]))
 
@@ -110,6 +111,8 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
 def read_normals(path: str | Path) -> Array:
     """Normals (height, width, 3) of an EXR file or a NumPy array; PNG files hold (n + 1) / 2.
 
+    What is shorter than a half, or not finite, is no normal, and zero.
+
     Raises
     ------
     ValueError, OSError
@@ -125,6 +128,9 @@ def read_normals(path: str | Path) -> Array:
     if found.ndim != 3 or found.shape[-1] != 3:
         raise ValueError(f"{path}: normals must be (height, width, 3), got shape {found.shape}.")
     found = np.asarray(found, dtype=np.float64)
+    found = np.where(np.isfinite(found).all(-1, keepdims=True), found, 0.0)
+    # Squares of what is longer than one may be no numbers
+    found /= np.maximum(np.abs(found).max(-1, keepdims=True), 1.0)
     length = np.linalg.norm(found, axis=-1, keepdims=True)
     return np.asarray(np.divide(found, length, out=np.zeros_like(found), where=length > 0.5))
 

@@ -165,8 +165,8 @@ def points(
             raise ValueError(
                 f"'normals' must have shape {(*shape, 3)} as the picture has, got {found.shape}."
             )
-        length = np.linalg.norm(found, axis=-1, keepdims=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            length = np.linalg.norm(found, axis=-1, keepdims=True)
             found = np.where(np.abs(length - 1.0) < 0.1, found / length, np.nan)[:, :, None]
     views = camera.views(at_x, at_y)
     with np.errstate(invalid="ignore"):
