@@ -12,12 +12,25 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-__all__ = ["aside", "check_replaceable", "file_key", "file_name", "is_ours", "regular_size", "sha256"]
+__all__ = [
+    "aside",
+    "check_replaceable",
+    "check_unpacked",
+    "file_key",
+    "file_name",
+    "is_ours",
+    "regular_size",
+    "sha256",
+]
 
 #: Files of ours say so within so many bytes of their beginning or end.
 MARK, MARK_WITHIN = b"dsbrdf", 4096
 #: Most bytes of a material's name in that of a file, which leaves room for endings.
 MAX_NAME = 200
+#: Larger files are not read: most of one may be a hole that takes no room on the disk.
+MAX_BYTES = 4_000_000_000
+#: Bytes, and numbers, that what is compressed may hold beyond the bytes of the file: a MERL table, and some.
+ROOM, ROOM_NUMBERS = 40_000_000, 5_000_000
 #: Characters of ASCII that some system has no place for in a name.
 _SPECIAL = frozenset('<>:"/\\|?*')
 #: Names of devices on Windows, with any ending.
@@ -161,11 +174,28 @@ def regular_size(path: str | Path) -> int:
     OSError
         If there is no such file, or it is a folder.
     ValueError
-        If it is a device, a pipe or a socket.
+        If it is a device, a pipe or a socket, or has more than 4 GB.
     """
     status = Path(path).stat()
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(status.st_mode):
         raise ValueError(f"{path}: not a regular file. Copy what it gives to a file first.")
+    if status.st_size > MAX_BYTES:
+        raise ValueError(
+            f"{path}: {status.st_size:,} bytes are more than the {MAX_BYTES:,} that are read. Give a part of it."
+        )
     return status.st_size
+
+
+def check_unpacked(size: int, n_bytes: int, n_numbers: int) -> None:
+    """Refuse what a file of `size` bytes unpacks to, before memory is taken for it.
+
+    Raises
+    ------
+    ValueError
+        If it is far more than the file: small numbers count too, as each will be one of 64 bits.
+    """
+    for n, room, what in ((n_bytes, ROOM, "bytes of arrays"), (n_numbers, ROOM_NUMBERS, "numbers")):
+        if n > size + room:
+            raise ValueError(f"{n:,} {what} in a file of {size:,} bytes. Store it without compression.")

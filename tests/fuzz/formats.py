@@ -10,20 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from dsbrdf import DSBRDF, Lobes, Samples, library, load, read
-from dsbrdf.images import sources
-from dsbrdf.measured.formats import nbrdf
+from dsbrdf.batch.record import FORMAT, HEADS, SCHEMA, _read_record
+from dsbrdf.batch.texels import TexelMaps, load_texels
+from dsbrdf.images import Light, sources
+from dsbrdf.measured.formats import nbrdf, utia
 from dsbrdf.measured.formats.image_file import read_pixels
 from dsbrdf.measured.formats.rgl import read_rgl
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.samples import ReadWarning
 from dsbrdf.model.file import dumps
-from dsbrdf.space import build_space, load_space
+from dsbrdf.space import Sizes, build_space, load_space
 
 #: What a reader may raise.
 CLEAN = (ValueError, OSError)
 UP = np.tile([0.0, 0.0, 1.0], (3, 1))
 MERL_BYTES = 12 + 3 * 90 * 90 * 180 * 8
+#: Bytes of files of one size, of which only the head is written.
+WHOLE = {"merl": MERL_BYTES, "utia": utia.N_BYTES}
 
 
 def text_file():
@@ -187,6 +191,39 @@ def space_file():
     return _written("a.npz", build_space(models).save)
 
 
+def texels_file():
+    # Two lobes: 3 + 2 + 2 + 1 numbers of shape, and one of colour, as in the standard curves of textures
+    sizes = (3, 2, 2, 1, 1)
+    unknowns, flat = np.full((2, 3, 2 * 8 + 3 * 2), 0.1, "f4"), np.full((2, 3), 0.1, "f4")
+    maps = TexelMaps(unknowns, flat, flat, 2, Sizes(*sizes), ("r", "g", "b"))
+    return _written("a.npz", maps.save)
+
+
+def record():
+    model = made_up()
+    summary = dict.fromkeys(HEADS, 1) | {"name": "a"}
+    entry = {"name": "a", "options": {}, "summary": summary, "status": "ok", "model_sha256": "0" * 64}
+    entry["source"] = {"file": "a.csv", "size": 3, "stamp": 4, "is_table": True, "sha256": model.name}
+    head = {"format": FORMAT, "schema": SCHEMA}
+    return "".join(json.dumps(row) + "\n" for row in (head, entry, entry | {"name": "b"})).encode()
+
+
+def normals_matlab():
+    from scipy.io import savemat
+
+    file = io.BytesIO()
+    savemat(file, {"Normal_gt": np.ones((2, 2, 3))}, do_compression=True)
+    return file.getvalue()
+
+
+ASTM = """VERSION 1
+LAMBDA 550
+VARS theta_i, phi_i, theta_s, phi_s, BRDF
+0.5,0,0.5,3.14,1.2
+0.5,0,-0.1,0,1e-3
+"""
+
+
 def radiance():
     return b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 3\n" + bytes(range(100, 124))
 
@@ -250,6 +287,14 @@ VALID = {
     "model": model,
     "library": library_file,
     "space": space_file,
+    "astm": lambda: ASTM.encode(),
+    "utia": lambda: np.full(100, 0.5).tobytes(),
+    "light map": lambda: image("a.exr", np.float32),
+    "mask": lambda: image("a.png", np.uint8),
+    "normals .mat": normals_matlab,
+    "library name": library_file,
+    "texels": texels_file,
+    "record": record,
 }
 
 
@@ -266,6 +311,12 @@ READERS = {
     "picture": read_pixels,
     "lights": sources.read_lights,
     "normals": sources.read_normals,
+    "light map": Light.from_map,
+    "mask": sources.read_mask,
+    "normals .mat": lambda path: sources._ground_truth(path.parent, (2, 2)),
+    "library name": lambda path: [library.model_named(f"{path}/{name}") for name in "ab"],
+    "texels": load_texels,
+    "record": _read_record,
 }
 #: A direction toward the light, and two toward the viewer.
 WI, WO = np.array([0.6, 0.0, 0.8]), np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
@@ -276,13 +327,19 @@ def place(kind, folder, content):
     if kind == "npy weights":
         for part, shape in zip(nbrdf.PARTS, [(6, 3), (3,)] + 2 * [(3, 3), (3,)], strict=True):
             np.save(folder / f"x_{part}.npy", np.ones(shape, "f4"))
-    names = {"npy weights": "x_fc1.npy", "merl": "x.binary", "normals": "x.npy"}
+    names = {
+        "npy weights": "x_fc1.npy",
+        "merl": "x.binary",
+        "normals": "x.npy",
+        "normals .mat": "Normal_gt.mat",
+        "library name": "x.dsbrdf",
+    }
     path = folder / names.get(kind, "x")
     path.write_bytes(content)
-    if kind == "merl" and len(content) > 400:
+    if kind in WHOLE and len(content) > 400:
         # A sparse file: what is not written reads as zero
         with path.open("r+b") as file:
-            file.truncate(MERL_BYTES)
+            file.truncate(WHOLE[kind])
     return path
 
 
@@ -296,12 +353,23 @@ def sound(kind, path):
         if not str(error):
             raise
         return False
-    if kind in ("model", "library", "space"):
+    if kind in ("model", "library", "library name", "space"):
         for made in [content] if kind == "model" else content:
             assert np.isfinite(made.eval(WI, WO)).all()
             assert json.loads(dumps(made))["format"]
     elif kind in ("picture", "normals"):
         assert content.ndim == 3
+    elif kind == "mask":
+        assert content.dtype == bool
+    elif kind == "normals .mat":
+        assert np.isfinite(content).all()
+    elif kind == "light map":
+        assert np.isfinite(content.flux).all()
+    elif kind == "texels":
+        assert content[0, 0].lobes.n_channels == len(content.channels)
+        assert content.albedo().shape == (*content.shape, content.n_channels)
+    elif kind == "record":
+        assert all(isinstance(entry["status"], str) for entry in content.values())
     elif kind == "lights":
         assert all(np.isfinite(light.direction).all() for light in content)
     elif kind == "merl":

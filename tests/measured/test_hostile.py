@@ -205,11 +205,11 @@ def test_wrong_types_in_a_model_are_refused(valid, tmp_path, change, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[" * 100_000 + "]" * 100_000, "not JSON|more values than any model has"),
+        ("[" * 100_000 + "]" * 100_000, "not JSON|more values than any such file has"),
         ('{"a":' * 5000 + "1" + "}" * 5000, "not JSON"),
         ('{"format": "dsbrdf model", "schema": ' + "9" * 5000 + "}", "not JSON"),
-        ("[" + "[]," * 2_000_000 + "0]", "not a model file: more values than any model has"),
-        ("[" + "1.5," * 3_000_001 + "0]", "not a model file: more values than any model has"),
+        ("[" + "[]," * 2_000_000 + "0]", "not a model file: more values than any such file has"),
+        ("[" + "1.5," * 3_000_001 + "0]", "not a model file: more values than any such file has"),
     ],
     ids=["deep lists", "deep objects", "huge number", "many lists", "many numbers"],
 )

@@ -129,7 +129,7 @@ def test_arrays_that_unpack_to_much_more_are_refused(tmp_path):
     path = tmp_path / "x.npz"
     np.savez_compressed(path, values=np.zeros(8_000_000))
     with pytest.raises(
-        ValueError, match=r"64,000,1\d\d bytes of arrays in a file of 6\d,\d+ bytes. Store it with"
+        ValueError, match=r"64,000,1\d\d bytes of arrays in a file of 6\d,\d+ bytes. Store it without"
     ):
         read(path)
 

@@ -12,15 +12,19 @@ import zlib
 import h5py
 import numpy as np
 import pytest
+from formats import VALID, place, sound
+from scipy.io import savemat
 from spaces import smooth_model
 
 import dsbrdf
 from dsbrdf import Samples, batch, library
+from dsbrdf.batch.texels import MAPS, TexelMaps
 from dsbrdf.fitting.observations import Observations
-from dsbrdf.images import sources
-from dsbrdf.measured.formats import image_file, tensor_file
+from dsbrdf.images import Light, sources
+from dsbrdf.images.picture import Picture
+from dsbrdf.measured.formats import image_file, tensor_file, utia
 from dsbrdf.model.file import dumps, loads
-from dsbrdf.space import build_space, load_space
+from dsbrdf.space import Sizes, build_space, load_space
 from dsbrdf.space.space_file import SpaceFormatError
 
 LOADERS = {
@@ -35,6 +39,10 @@ LOADERS = {
     "lights": sources.read_lights,
     "normals": sources.read_normals,
     "mask": sources.read_mask,
+    "map of light": Light.from_map,
+    "picture of an object": lambda path: Picture.of(path, ""),
+    "texels": dsbrdf.load_texels,
+    "utia": utia.read_utia,
 }
 
 
@@ -43,13 +51,65 @@ def test_what_is_no_regular_file_is_refused(tmp_path, name):
     """At once: a pipe would be waited for, and a device read without end."""
     os.mkfifo(tmp_path / "pipe")
     os.mkfifo(tmp_path / "pipe.npy")
-    for path in ("/dev/zero", tmp_path / "pipe", tmp_path / "pipe.npy"):
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    for path in ("/dev/zero", "/dev/full", tmp_path / "zero", tmp_path / "pipe", tmp_path / "pipe.npy"):
         with pytest.raises(ValueError, match="regular file"):
             LOADERS[name](path)
     with pytest.raises((OSError, ValueError), match=r"directory|a folder|regular"):
         LOADERS[name](tmp_path)
     with pytest.raises(OSError, match="No such file"):
         LOADERS[name](tmp_path / "missing.npy")
+
+
+@pytest.mark.parametrize("kind", VALID)
+def test_a_file_that_is_mostly_a_hole_is_refused(tmp_path, kind):
+    """Four terabytes that take no room on the disk, behind a valid beginning."""
+    path = place(kind, tmp_path, VALID[kind]())
+    os.truncate(path, 2**42)
+    assert not sound(kind, path) or kind == "record"
+
+
+def test_pipes_in_a_stack(tmp_path):
+    """A folder of pictures from elsewhere: no file of it is waited for."""
+    for name in ("filenames.txt", "light_directions.txt", "light_intensities.txt"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(ValueError, match="regular file"):
+        sources.read_stack(tmp_path)
+    os.mkfifo(tmp_path / "Normal_gt.mat")
+    with pytest.raises(ValueError, match="regular file"):
+        sources._ground_truth(tmp_path, (2, 2))
+
+
+def test_a_group_that_would_run_what_it_holds(tmp_path):
+    """Zarr knows a way of storing that unpickles; a group with it is refused before any of it is read."""
+    zarr = pytest.importorskip("zarr")
+    group = zarr.open_group(tmp_path / "x.zarr", mode="w", zarr_format=2)
+    group.attrs.update({"format": "dsbrdf texels", "n_lobes": 1, "sizes": [1] * 5, "channels": ["a"]})
+    for name in MAPS:
+        group.create_array(name, shape=(2, 2), dtype="f4", chunks=(2, 2))
+        about = json.loads((tmp_path / "x.zarr" / name / ".zarray").read_text())
+        about |= {"dtype": "|O", "filters": [{"id": "vlen-utf8"}, {"id": "pickle"}], "fill_value": ""}
+        (tmp_path / "x.zarr" / name / ".zarray").write_text(json.dumps(about))
+        # What unpickling it would call: open(path, "w")
+        code = f"cio\nopen\n(V{tmp_path / 'ran'}\nVw\ntR."
+        (tmp_path / "x.zarr" / name / "0.0").write_bytes(code.encode())
+    with pytest.raises(ValueError, match=r"not maps of texels: unknowns must be a Zarr 3 array"):
+        dsbrdf.load_texels(tmp_path / "x.zarr")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_group_replaces_only_groups_of_ours(tmp_path):
+    pytest.importorskip("zarr")
+    maps = texels_of_nothing()
+    (tmp_path / "x.zarr").mkdir()
+    (tmp_path / "x.zarr" / "precious").write_text("precious")
+    with pytest.raises(FileExistsError, match="no group of ours"):
+        maps.save(tmp_path / "x.zarr")
+    assert (tmp_path / "x.zarr" / "precious").read_text() == "precious"
+    for _ in range(2):
+        maps.save(tmp_path / "y.zarr")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x.zarr", "y.zarr"]
+    assert dsbrdf.load_texels(tmp_path / "y.zarr").shape == maps.shape
 
 
 def test_pipes_in_a_folder(tmp_path, small_table):
@@ -77,6 +137,12 @@ def test_a_link_in_place_of_the_lock_is_not_followed(tmp_path, small_table):
 
 
 # Bombs
+
+
+def texels_of_nothing(n=2):
+    """Maps of `n` by `n` texels without a model."""
+    empty = np.full((n, n), np.nan, "f4")
+    return TexelMaps(np.full((n, n, 8), np.nan, "f4"), empty, empty, 2, Sizes(1, 1, 1, 1, 1), ("a",))
 
 
 def bombs(folder):
@@ -110,6 +176,24 @@ def bombs(folder):
     (folder / "bomb.json").write_bytes(
         b'{"metadata":{},"data":{' + columns + b'"BRDF":{"values":' + values + b"}}}"
     )
+    # Small numbers, each of which becomes one of 64 bits
+    angles = ("theta_i_deg", "theta_o_deg", "phi_o_deg", "brdf")
+    np.savez_compressed(folder / "small.npz", **{name: np.ones(9_000_000, "u1") for name in angles})
+    with h5py.File(folder / "small.h5", "w") as file:
+        for name in angles:
+            file.create_dataset(name, data=np.ones(9_000_000, "u1"), compression="gzip")
+    savemat(folder / "small.mat", {name: np.ones(9_000_000, "u1") for name in angles}, do_compression=True)
+    # Lists within lists of texts that hold them
+    np.savez_compressed(
+        folder / "lists.npz", header=np.array("[" + "[]," * 2_000_000 + "0]"), curves=0, present=0
+    )
+    header = b'{"sources":[' + b"[]," * 2_000_000 + b"0]}"
+    start = 16 + len(header) + 16
+    index = struct.pack("<2Q", start, start + 2)
+    (folder / "lists.dsbrdf").write_bytes(
+        b"dsbrdfL1" + struct.pack("<II", len(header), 1) + header + index + b"\0\0"
+    )
+    np.savez_compressed(folder / "texels.npz", **vars(texels_of_nothing(1500)))
     image = struct.pack(">II5B", 16_000, 16_000, 8, 2, 0, 0, 0)
     chunk = b"IHDR" + image
     (folder / "bomb.png").write_bytes(
@@ -124,6 +208,8 @@ def test_bombs_take_no_memory(tmp_path):
 import resource, sys, warnings
 import h5py, numpy, scipy.io, mitsuba, dsbrdf
 from pathlib import Path
+from dsbrdf import library
+from dsbrdf.images import Light
 from dsbrdf.space import load_space
 warnings.simplefilter("ignore")
 mitsuba.set_variant("scalar_rgb")
@@ -132,7 +218,8 @@ def peak():
 before = peak()
 resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
 for path in sorted(Path(sys.argv[1]).iterdir()):
-    for reader in (dsbrdf.read, *([load_space] if path.suffix == ".npz" else [])):
+    readers = {".npz": [load_space, dsbrdf.load_texels], ".dsbrdf": [library.open], ".png": [Light.from_map]}
+    for reader in (dsbrdf.read, *readers.get(path.suffix, [])):
         try:
             reader(path)
         except ValueError as error:
@@ -146,7 +233,7 @@ print("grown", round(peak() - before))
     )
     assert done.returncode == 0, done.stderr
     *lines, grown = done.stdout.splitlines()
-    assert len(lines) == 6
+    assert len(lines) == 11 + 2 * 4 + 2
     assert all(" refused " in line for line in lines), done.stdout
     assert int(grown.split()[1]) < 130, done.stdout
 

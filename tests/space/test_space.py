@@ -397,7 +397,7 @@ def test_hostile_files(rewrite, tmp_path, models):
 
 def test_files_that_unpack_to_too_much(tmp_path, monkeypatch, models):
     build_space(models).save(tmp_path / "space.npz")
-    monkeypatch.setattr("dsbrdf.measured.formats.array_file._ROOM", -8000)
+    monkeypatch.setattr("dsbrdf._files.ROOM", -8000)
     with pytest.raises(SpaceFormatError, match=r"[\d,]+ bytes of arrays in a file of [\d,]+ bytes"):
         load_space(tmp_path / "space.npz")
 

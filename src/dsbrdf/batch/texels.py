@@ -8,8 +8,11 @@ what is the same for all texels. Here values are handed to it block by block, an
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
+import json
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -19,11 +22,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _check, _core, _files, library
+from dsbrdf import _check, _core, _files, _json, library
 from dsbrdf.fitting import observations
 from dsbrdf.fitting.estimator import lobes_of
 from dsbrdf.fitting.options import CURVES
 from dsbrdf.geometry import directions, half_diff
+from dsbrdf.measured.formats import image_file
+from dsbrdf.measured.formats.array_file import read_npz_arrays
 from dsbrdf.model.dsbrdf import DSBRDF, channel_names
 from dsbrdf.model.lobes import MAX_LN_KAPPA, curve_design
 from dsbrdf.space import Gaussian, MaterialSpace, Sizes, build_space
@@ -244,10 +249,6 @@ class TexelMaps:
         """
         if len(self.shape) != 2:
             raise ValueError(f"an image has rows and columns of texels, these have shape {self.shape}.")
-        try:
-            import mitsuba as mi
-        except ModuleNotFoundError:
-            raise ModuleNotFoundError('EXR files need mitsuba: pip install "dsbrdf[render]"') from None
         layers: dict[str, Any] = {"residual": self.residual, "uncertainty": self.uncertainty}
         named: dict[str, tuple[NDArray[np.float32], list[Any]]] = {
             "albedo": (self.albedo(), [self.channels]),
@@ -261,12 +262,7 @@ class TexelMaps:
             for i, place in enumerate(itertools.product(*axes)):
                 layers[".".join([name, *map(str, place)])] = flat[..., i]
         stacked = np.stack(list(layers.values()), axis=-1).astype(np.float32)
-        if mi.variant() is None:
-            mi.set_variant("scalar_rgb")
-        bitmap = mi.Bitmap(np.ascontiguousarray(stacked), mi.Bitmap.PixelFormat.MultiChannel, list(layers))
-        with _files.aside(path) as part:
-            bitmap.write(str(part.with_suffix(".exr")))
-            part.with_suffix(".exr").replace(part)
+        image_file.write_pixels(stacked, path, list(layers))
 
     def save(self, path: str | Path) -> None:
         """Write the maps as `.npz`, or as a Zarr group if `path` ends with `.zarr`; `load_texels` reads both.
@@ -276,23 +272,25 @@ class TexelMaps:
         ModuleNotFoundError
             Of a Zarr group, without zarr.
         OSError
-            If it cannot be written.
+            If it cannot be written, or the path of a group is that of something else.
         """
         about = {"format": FORMAT, "n_lobes": self.n_lobes, "sizes": list(map(int, self.sizes))}
         about["channels"] = list(self.channels)
         maps = {name: getattr(self, name) for name in MAPS}
         if Path(path).suffix != ".zarr":
             with _files.aside(path) as part, part.open("wb") as file:
-                np.savez_compressed(file, about=np.array(repr(about)), **maps)
+                # Not compressed: what was left out would unpack to far more than the file, as only bombs do
+                np.savez(file, about=np.array(json.dumps(about)), **maps)
             return
-        group = _zarr().open_group(str(path), mode="w")
-        group.attrs.update(about)
-        for name, array in maps.items():
-            group.create_array(name, data=array)
+        _save_group(Path(path), about, maps)
 
 
 FORMAT = "dsbrdf texels"
 MAPS = ("unknowns", "residual", "uncertainty")
+#: Bytes that a byte of a group may stand for: where texels are left out, there are many the same.
+UNPACKED = 100
+#: Ways of storing numbers that are read.
+CODECS = frozenset(("bytes", "blosc", "gzip", "zstd"))
 #: Azimuths of the quadrature of albedos.
 N_PHI = 16
 
@@ -307,18 +305,14 @@ def load_texels(path: str | Path) -> TexelMaps:
     OSError
         If it cannot be read.
     """
-    import ast
-
     path = Path(path)
     try:
         if path.suffix == ".zarr":
-            group = _zarr().open_group(str(path), mode="r")
-            about = dict(group.attrs)
-            maps = [np.asarray(group[name]) for name in MAPS]
+            about, maps = _load_group(path)
         else:
-            with np.load(path, allow_pickle=False) as stored:
-                about = ast.literal_eval(str(stored["about"]))
-                maps = [stored[name] for name in MAPS]
+            stored = read_npz_arrays(path)
+            about = _json.parse(str(stored["about"]))
+            maps = [stored[name] for name in MAPS]
         if about["format"] != FORMAT:
             raise ValueError(f"expected the format {FORMAT!r}.")
         unknowns, residual, uncertainty = (array.astype(np.float32) for array in maps)
@@ -337,8 +331,66 @@ def load_texels(path: str | Path) -> TexelMaps:
     except OSError:
         raise
     except Exception as error:
-        raise ValueError(f"{path}: not maps of texels: {error}") from None
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error).removeprefix(f"{path}: ")
+        raise ValueError(f"{path}: not maps of texels: {what}") from None
     return made
+
+
+def _save_group(path: Path, about: dict[str, Any], maps: dict[str, Any]) -> None:
+    """Write a group aside, and put it in the place of an earlier one."""
+    if path.exists() or path.is_symlink():
+        try:
+            _zarr_about(path)
+        except (OSError, ValueError):
+            raise FileExistsError(
+                errno.EEXIST, "is there already, and is no group of ours. Give another name", str(path)
+            ) from None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".dsbrdf-", dir=path.parent) as folder:
+        part, earlier = Path(folder, "part"), Path(folder, "earlier")
+        group = _zarr().open_group(str(part), mode="w")
+        group.attrs.update(about)
+        for name, array in maps.items():
+            group.create_array(name, data=array)
+        if path.exists():
+            path.replace(earlier)
+        part.replace(path)
+
+
+def _load_group(path: Path) -> tuple[dict[str, Any], list[Any]]:
+    """What a group says of itself, and its maps, if they take little more memory than it has bytes."""
+    about = _zarr_about(path)
+    group = _zarr().open_group(str(path), mode="r")
+    arrays = [group[name] for name in MAPS]
+    for name, array in zip(MAPS, arrays, strict=True):
+        codecs = [codec.to_dict()["name"] for codec in getattr(array.metadata, "codecs", ())]
+        # Of those that Zarr knows, one unpickles
+        if array.metadata.zarr_format != 3 or not CODECS.issuperset(codecs):
+            raise ValueError(
+                f"{name} must be a Zarr 3 array of {', '.join(sorted(CODECS))}, got {codecs or 'version 2'}."
+            )
+        if int(np.prod(array.shape, dtype=float)) * 4 > _files.ROOM + UNPACKED * array.nbytes_stored():
+            raise ValueError(f"{name} of shape {array.shape} takes far more memory than the group.")
+    return about, [np.asarray(array[...]) for array in arrays]
+
+
+def _zarr_about(path: Path) -> dict[str, Any]:
+    """The attributes of a group of ours; raises ValueError or OSError if it is none."""
+    if not path.is_dir():
+        path.stat()
+        raise ValueError("a Zarr group is a folder.")
+    for file in path.rglob("*"):
+        if not file.is_dir():
+            _files.regular_size(file)
+    try:
+        about = dict(_zarr().open_group(str(path), mode="r").attrs)
+    except ModuleNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f"no group: {error}") from None
+    if about.get("format") != FORMAT:
+        raise ValueError(f"expected the format {FORMAT!r}.")
+    return about
 
 
 def _zarr() -> Any:

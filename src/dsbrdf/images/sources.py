@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from dsbrdf import _files
 from dsbrdf.images.light import Light
 from dsbrdf.measured.formats import image_file
 from dsbrdf.measured.formats.array_file import read_npy_array
+from dsbrdf.measured.formats.matlab_file import read_matlab_arrays
 
 __all__ = ["Stack", "read_lights", "read_mask", "read_normals", "read_stack"]
 
@@ -25,8 +27,8 @@ Array = NDArray[np.float64]
 
 #: Numbers of a light: a direction, or a direction and three irradiances.
 DIRECTION, COLOURED = 3, 6
-#: Most bytes of a list.
-MAX_TEXT = 200_000_000
+#: Most bytes of a list, and most lights.
+MAX_TEXT, MAX_LIGHTS = 200_000_000, 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,10 @@ def read_lights(path: str | Path) -> list[Light]:
         If the file cannot be read.
     """
     rows = _numbers(Path(path), header=True)
+    if len(rows) > MAX_LIGHTS:
+        raise ValueError(
+            f"{path}: {len(rows):,} lights are more than {MAX_LIGHTS:,}. Give a map of the light."
+        )
     return [_light(row, f"{path}, light {i + 1}") for i, row in enumerate(rows)]
 
 
@@ -127,6 +133,11 @@ def read_normals(path: str | Path) -> Array:
             found = 2.0 * found - 1.0
     if found.ndim != 3 or found.shape[-1] != 3:
         raise ValueError(f"{path}: normals must be (height, width, 3), got shape {found.shape}.")
+    return _unit(found)
+
+
+def _unit(found: NDArray[Any]) -> Array:
+    """Vectors of unit length; zero for what is shorter than a half, or not finite."""
     found = np.asarray(found, dtype=np.float64)
     found = np.where(np.isfinite(found).all(-1, keepdims=True), found, 0.0)
     # Squares of what is longer than one may be no numbers
@@ -180,13 +191,16 @@ def read_stack(folder: str | Path) -> Stack:
 
 
 def _ground_truth(folder: Path, shape: tuple[int, ...]) -> Array:
-    if (folder / "Normal_gt.mat").is_file():
-        from scipy.io import loadmat
-
-        found = np.asarray(loadmat(folder / "Normal_gt.mat")["Normal_gt"], dtype=np.float64)
+    if (matlab := folder / "Normal_gt.mat").exists():
+        arrays = read_matlab_arrays(matlab)
+        if "Normal_gt" not in arrays:
+            raise ValueError(
+                f"{matlab}: expected an array Normal_gt, got {', '.join(arrays) or 'none':.100}."
+            )
+        found = arrays["Normal_gt"]
     else:
         found = np.array(_numbers(folder / "normal.txt"), dtype=np.float64)
         found = found.reshape(*shape, 3) if found.size == 3 * shape[0] * shape[1] else found
     if found.shape != (*shape, 3):
         raise ValueError(f"{folder}: expected normals of the mask's size {shape}, got shape {found.shape}.")
-    return found
+    return _unit(found)

@@ -27,10 +27,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files
+from dsbrdf import _files, _json
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
+from dsbrdf.model.file import records
 from dsbrdf.model.lobes import FALLOFF, Lobes, check_stored
 
 __all__ = ["SUFFIX", "Library", "LibraryFormatError", "open", "write"]
@@ -106,7 +107,7 @@ class Library:
             record = file.read(end - start)
         try:
             return _model(name, record, end - start)
-        except (KeyError, TypeError, ValueError, OverflowError, RecursionError, struct.error) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError, struct.error) as error:
             raise LibraryFormatError(
                 f"{self.path}: the record of {name!r:.60} is not sound: {error}"
             ) from None
@@ -165,7 +166,7 @@ def open(path: str | Path) -> Library:
             f"{path}: not a sound library: the records do not fill the file from byte {first:,} to its end at {size:,}."
         )
     try:
-        content = json.loads(header)
+        content = _json.parse(header)
         width, names, sources = (content[key] for key in ("azimuthal_width", "names", "sources"))
         _check_names(names, n)
         if width != AZIMUTHAL_WIDTH:
@@ -174,7 +175,7 @@ def open(path: str | Path) -> Library:
                 "again."
             )
         sources = {str(key): {str(a): str(b) for a, b in about.items()} for key, about in sources.items()}
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else error
         raise LibraryFormatError(f"{path}: not a sound library: {what}") from None
     return Library(path, tuple(names), sources, starts)
@@ -271,7 +272,7 @@ def _model(name: str, record: bytes, size: int) -> DSBRDF:
     if len(record) != size:
         raise ValueError("the file ends before it. It has changed since it was opened.")
     (n_text,) = LENGTH.unpack(record[: LENGTH.size])
-    content = json.loads(record[LENGTH.size : LENGTH.size + n_text])
+    content = _json.parse(record[LENGTH.size : LENGTH.size + n_text])
     numbers = np.frombuffer(record[LENGTH.size + n_text :], dtype="<f4").astype(np.float64)
     channels, sizes = content["channels"], content["sizes"]
     if len(sizes) != 1 + len(CURVES) or any(type(n) is not int or not 1 <= n <= 10_000 for n in sizes):
@@ -286,12 +287,12 @@ def _model(name: str, record: bytes, size: int) -> DSBRDF:
     parts[3] = np.clip(parts[3], *FALLOFF)
     lobes = Lobes(*parts)
     check_stored(lobes)
-    source = content["source"]
+    source, options, errors = records(content)
     return DSBRDF(
         lobes,
         [str(channel) for channel in channels],
         name=name,
         source=Source(description=str(source.get("description", "")), recorded=source),
-        fit_options=dict(content["fit"]),
-        errors={key: float(value) for key, value in content["errors"].items()},
+        fit_options=options,
+        errors=errors,
     )

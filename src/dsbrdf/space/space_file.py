@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf import _files
+from dsbrdf import _files, _json
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.formats.array_file import read_npz_arrays
 from dsbrdf.space.material_space import MaterialSpace
@@ -86,9 +86,9 @@ def load_space(path: str | Path) -> MaterialSpace:
     path = Path(path)
     arrays = _read_arrays(path)
     try:
-        header = json.loads(str(arrays["header"][()]))
-    except (ValueError, RecursionError) as error:
-        raise SpaceFormatError(f"{path}: not a space: its header is not JSON ({error}).") from None
+        header = _json.parse(str(arrays["header"][()]))
+    except ValueError as error:
+        raise SpaceFormatError(f"{path}: not a space: its header is {error}.") from None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise SpaceFormatError(f'{path}: not a space: expected a header with "format": "{FORMAT}".')
     schema = header.get("schema")

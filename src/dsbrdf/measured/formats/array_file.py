@@ -44,8 +44,6 @@ _HEADER = re.compile(
     rb"\{\s*'descr':\s*'([<>|=]?[biufU]\d{1,8})',\s*'fortran_order':\s*(True|False),\s*"
     rb"'shape':\s*\(([\d, ]{0,200})\),?\s*\}\s*"
 )
-#: Bytes that a compressed file may grow by when it is read: a MERL table, and some.
-_ROOM = 40_000_000
 #: Where cos(2 phi_d) is zero: the one phi_d of a table that knows none.
 MEAN_PHI_D = np.pi / 4
 
@@ -301,21 +299,29 @@ def read_npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             total = sum(member.file_size for member in members)
-            if total > size + _ROOM:
-                raise ValueError(
-                    f"{path}: {total:,} bytes of arrays in a file of {size:,} bytes. Store it with numpy.savez."
-                )
-            arrays = {}
+            _check_unpacked(path, size, total, 0)
+            arrays: dict[str, NDArray[Any]] = {}
+            n_numbers = 0
             for member in members:
+                name = member.filename.removesuffix(".npy")
+                if name in arrays:
+                    raise ValueError(f"{path}: the array {name:.40} is there twice. Write it again.")
                 with archive.open(member) as file:
-                    arrays[member.filename.removesuffix(".npy")] = _array(
-                        file, member.file_size, f"{path}: {member.filename:.40}"
-                    )
+                    arrays[name] = _array(file, member.file_size, f"{path}: {member.filename:.40}")
+                n_numbers += arrays[name].size
+                _check_unpacked(path, size, total, n_numbers)
             return arrays
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
         raise ValueError(
             f"{path}: not a sound .npz file: {error}. Write it again with numpy.savez."
         ) from None
+
+
+def _check_unpacked(path: Path, size: int, n_bytes: int, n_numbers: int) -> None:
+    try:
+        _files.check_unpacked(size, n_bytes, n_numbers)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _array(file: IO[bytes], size: int, label: str) -> NDArray[Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dsbrdf import _files
+from dsbrdf import _files, _json
 from dsbrdf.measured.names import meaning
 from dsbrdf.measured.options import ReadOptions
 from dsbrdf.measured.samples import Samples, samples_from_columns
@@ -25,6 +25,8 @@ __all__ = ["is_bird", "read_bird", "write_bird"]
 MAX_BYTES = 200_000_000
 #: Numbers of all columns; one with a single value is repeated.
 MAX_NUMBERS = 50_000_000
+#: Commas and brackets, those of rows of few values too.
+MAX_MARKS = 3 * MAX_NUMBERS
 _POLARISATION = ("polarization", "polarisation")
 
 
@@ -62,8 +64,8 @@ def read_bird(path: str | Path, options: ReadOptions | None = None) -> Samples:
     if _files.regular_size(path) > MAX_BYTES:
         raise ValueError(f"{path}: not BiRD JSON: more than {MAX_BYTES:,} bytes.")
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig", errors="strict"))
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
+        content = _json.parse(path.read_text(encoding="utf-8-sig", errors="strict"), most=MAX_MARKS)
+    except ValueError as error:
         raise ValueError(f"{path}: not sound JSON: {str(error)[:100]}.") from None
     data = content.get("data") if isinstance(content, dict) else None
     if not isinstance(data, dict):

@@ -16,8 +16,8 @@ from dsbrdf.measured.table import MeasuredBRDF
 
 __all__ = ["read_hdf5"]
 
-#: Entries of a file, and bytes that they may unpack to beyond its own.
-_MOST, _ROOM = 2000, 40_000_000
+#: Entries of a file.
+_MOST = 2000
 
 
 def read_hdf5(
@@ -59,7 +59,7 @@ def _datasets(path: Path) -> tuple[dict[str, Any], list[str]]:
     size = _files.regular_size(path)
     arrays: dict[str, Any] = {}
     others: list[str] = []
-    total = 0
+    total, n_numbers = 0, 0
     try:
         with h5py.File(path, "r") as file:
             file.visit(lambda name: others.append(name) if "/" in name and len(others) < _MOST else None)
@@ -69,9 +69,10 @@ def _datasets(path: Path) -> tuple[dict[str, Any], list[str]]:
                 if not isinstance(entry, h5py.Dataset) or entry.dtype.kind not in "biuf":
                     others.append(name)
                     continue
-                total += 0 if entry.size is None else entry.size * entry.dtype.itemsize
-                if entry.size is None or total > size + _ROOM:
-                    raise ValueError(f"{name:.40} unpacks to much more than the file")
+                if entry.size is None:
+                    raise ValueError(f"{name:.40} has no numbers")
+                total, n_numbers = total + entry.size * entry.dtype.itemsize, n_numbers + entry.size
+                _files.check_unpacked(size, total, n_numbers)
                 # Numbers of other files are none of this one
                 if entry.external or entry.is_virtual:
                     raise ValueError(f"{name:.40} lies in another file. Copy it into this one")

@@ -9,6 +9,7 @@ written here too, as pixels.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,9 @@ EXR_MAGIC = b"\x76\x2f\x31\x01"
 _ATTRIBUTE = re.compile(rb"([^\0]{1,255})\0([^\0]{1,255})\0(.{4})", re.DOTALL)
 #: Rows and columns in the header of an HDR file.
 _RADIANCE_SIZE = re.compile(rb"\n-Y (\d{1,9}) \+X (\d{1,9})\n")
-#: Pixels on a side of a picture.
-MAX_PICTURE = 16_384
+#: Pixels on a side of a picture, and of a whole one; and how many may stand behind each byte of a file beyond what a
+#: mask of one colour needs.
+MAX_PICTURE, MAX_PIXELS, FREE_PIXELS, PIXELS_A_BYTE = 16_384, 2**27, 2**23, 16
 #: Pixels on a side; a larger image is no slice.
 MAX_SIDE = 1024
 #: Bytes that hold the header of an image.
@@ -89,6 +91,11 @@ def read_pixels(
             f"{path}: not {what}: expected an EXR, HDR or PNG file of 1 to {max_side} pixels on a side, "
             f"got {width} x {height}."
         )
+    if width * height > min(MAX_PIXELS, FREE_PIXELS + PIXELS_A_BYTE * n_bytes):
+        raise ValueError(
+            f"{path}: not {what}: {width} x {height} pixels are more than {MAX_PIXELS:,}, or than {n_bytes:,} bytes "
+            "hold of any picture. Make it smaller."
+        )
     mi = _mitsuba()
     try:
         bitmap = mi.Bitmap(str(path))
@@ -100,8 +107,15 @@ def read_pixels(
     return np.array(bitmap)
 
 
-def write_pixels(pixels: NDArray[Any], path: str | Path) -> None:
+def write_pixels(pixels: NDArray[Any], path: str | Path, names: Sequence[str] = ()) -> None:
     """Write linear pixels (row, column, channel) as OpenEXR in single precision.
+
+    Parameters
+    ----------
+    pixels : (row, column, channel) ndarray
+    path : str or Path
+    names : sequence of str, optional
+        Of the channels.
 
     Raises
     ------
@@ -111,7 +125,8 @@ def write_pixels(pixels: NDArray[Any], path: str | Path) -> None:
         If Mitsuba, which writes the images, is not installed.
     """
     mi = _mitsuba()
-    bitmap = mi.Bitmap(np.ascontiguousarray(pixels, dtype=np.float32))
+    array = np.ascontiguousarray(pixels, dtype=np.float32)
+    bitmap = mi.Bitmap(array, mi.Bitmap.PixelFormat.MultiChannel, list(names)) if names else mi.Bitmap(array)
     # To memory first: the library says nothing of a file that it could not write, or not whole
     stream = mi.MemoryStream()
     bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)

@@ -20,11 +20,9 @@ from dsbrdf.measured.options import ReadOptions
 from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["read_matlab"]
+__all__ = ["read_matlab", "read_matlab_arrays"]
 
 MAX_BYTES = 500_000_000
-#: Bytes that compressed elements may grow to beyond those of the file.
-_ROOM = 40_000_000
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 #: Types of numbers as they are stored; those of matrices by class, from double on.
@@ -45,6 +43,24 @@ def read_matlab(
         If it cannot be read.
     """
     path = Path(path)
+    arrays = read_matlab_arrays(path)
+    if not arrays:
+        raise ValueError(
+            f"{path}: a MATLAB file without arrays of numbers. Save the columns as theta_i_deg and so on, or as CSV."
+        )
+    return read_arrays(arrays, path, options or ReadOptions(), convention=convention)
+
+
+def read_matlab_arrays(path: Path) -> dict[str, Any]:
+    """All arrays of numbers of a file; vectors have one axis.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or would take far more memory than it has bytes.
+    OSError
+        If it cannot be read.
+    """
     if _files.regular_size(path) > MAX_BYTES:
         raise ValueError(f"{path}: more than {MAX_BYTES:,} bytes. Save it with -v7.3.")
     content = path.read_bytes()
@@ -52,25 +68,25 @@ def read_matlab(
     if order is None:
         raise ValueError(f"{path}: not a sound MATLAB file: no mark of its byte order. Save it again.")
     arrays: dict[str, Any] = {}
-    room = len(content) + _ROOM
+    n_bytes, n_numbers = 0, 0
     try:
         for kind, data in _elements(content[_HEADER:], order):
             if kind == _COMPRESSED:
+                room = len(content) + _files.ROOM - n_bytes
                 plain = zlib.decompressobj().decompress(data, room + 1)
-                room -= len(plain)
-                if room < 0:
-                    raise ValueError("its arrays take far more memory than the file")
+                n_bytes += len(plain)
+                _files.check_unpacked(len(content), n_bytes, n_numbers)
                 kind, data = next(_elements(plain, order), (0, b""))
             if kind == _MATRIX and (found := _matrix(data, order)) is not None:
                 name, array = found
+                n_numbers += array.size
+                _files.check_unpacked(len(content), n_bytes, n_numbers)
                 arrays[name] = array.ravel() if array.ndim == 2 and 1 in array.shape else array
     except (zlib.error, ValueError, TypeError, OverflowError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a sound MATLAB file: {str(error)[:80]}. Save it again.") from None
-    if not arrays:
         raise ValueError(
-            f"{path}: a MATLAB file without arrays of numbers. Save the columns as theta_i_deg and so on, or as CSV."
-        )
-    return read_arrays(arrays, path, options or ReadOptions(), convention=convention)
+            f"{path}: not a sound MATLAB file: {str(error).rstrip('.'):.100}. Save it again."
+        ) from None
+    return arrays
 
 
 def _elements(data: bytes, order: str) -> Any:
