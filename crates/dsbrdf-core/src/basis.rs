@@ -47,6 +47,16 @@ impl Basis {
         coefficients[first..].iter().zip(b).map(|(c, b)| c * b).sum()
     }
 
+    /// Where a straight line has the coefficients that it has as a curve of this basis (Greville).
+    #[must_use]
+    pub fn place(self, coefficient: usize) -> f64 {
+        match self.size {
+            1 => 0.5,
+            2 => coefficient as f64,
+            _ => ((coefficient as f64 - 0.5) / self.spans() as f64).clamp(0.0, 1.0),
+        }
+    }
+
     /// The curve as a polynomial of the place u in [0, 1] within each span: coefficients of 1, u, u^2.
     #[must_use]
     pub fn polynomials(self, coefficients: &[f64]) -> Vec<[f64; 3]> {
@@ -99,6 +109,18 @@ mod tests {
             let c = &COEFFICIENTS[..size];
             assert_eq!(Basis { size }.value(c, 0.0), c[0]);
             assert!((Basis { size }.value(c, 1.0) - c[size - 1]).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_line_has_its_values_at_the_places_as_coefficients() {
+        for size in 1..=8 {
+            let basis = Basis { size };
+            let line: Vec<f64> = (0..size).map(|i| 2.0 * basis.place(i) - 0.7).collect();
+            for x in [0.0, 0.2, 0.5, 0.9, 1.0] {
+                let want = if size == 1 { 0.3 } else { 2.0 * x - 0.7 };
+                assert!((basis.value(&line, x) - want).abs() < 1e-14, "{size} {x}");
+            }
         }
     }
 

@@ -15,6 +15,8 @@ use crate::shape::{BETA, COLOUR, CURVES, FALLOFF, GAMMA, SCALE, SHARED, Shape};
 /// A lobe is at most this many times as high as the brightest value: nothing else holds one that is narrower than the
 /// distance of the samples.
 const MAX_HEIGHT: f64 = 2.0;
+/// Inverse square of how far the `ln kappa` of a channel, its colour added, may be above that.
+const HEIGHT_WEIGHT: f64 = 400.0;
 /// Least and greatest `ln kappa`: absent, and the most that `expm1` holds.
 pub const LN_KAPPA: (f64, f64) = (-40.0, 6.5);
 /// A lobe that has fallen below this, `ln`, falls no further: squares of less are denormal numbers, which take long.
@@ -171,13 +173,11 @@ impl<'a> Problem<'a> {
                 *target = loss.transformed(value, offset);
             }
         }
-        let brightest = observations.value.iter().zip(&observations.weight).filter(|(_, w)| **w > 0.0);
-        let brightest = brightest.map(|(&f, _)| f).fold(0.0, f64::max);
         let n_unknowns = shape.n_unknowns();
         Self {
             // A prior knows better what was not measured
             max_scale: match prior {
-                None => (MAX_HEIGHT * brightest).ln_1p().ln().clamp(LN_KAPPA.0 + 1.0, LN_KAPPA.1),
+                None => (MAX_HEIGHT * observations.brightest).ln_1p().ln().clamp(LN_KAPPA.0 + 1.0, LN_KAPPA.1),
                 Some(_) => LN_KAPPA.1,
             },
             bins: bins(observations, &shape),
@@ -196,8 +196,38 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Calls `row` with the weight and the terms (unknown, factor) of each row of the penalty, whose target is zero.
-    fn penalty_rows(&self, mut row: impl FnMut(f64, &[(usize, f64)])) {
+    /// Calls `row` with the weight, the value and the terms (unknown, factor) of each row of the penalty at `x`.
+    fn penalty_rows(&self, mut row: impl FnMut(f64, f64, &[(usize, f64)])) {
+        let x = &self.x;
+        let value = |terms: &[(usize, f64)]| terms.iter().map(|&(i, f)| f * x[i]).sum::<f64>();
+        self.linear_rows(|weight, terms| row(weight, value(terms), terms));
+        if self.prior.is_some() || self.shape.n_colour() == 0 || !self.observations.is_scattered {
+            return;
+        }
+        // Where a line of colour has the same places as the scale, so has their sum
+        let (scale, colour) = (self.shape.basis(SCALE), self.shape.basis(COLOUR));
+        let mut terms = [(0, 1.0); 1 + WIDTH];
+        for k in 0..self.shape.n_lobes {
+            for i in 0..scale.size {
+                terms[0].0 = self.shape.shared(SCALE, k) + i;
+                let (first, functions) = colour.at(scale.place(i));
+                let n = 1 + colour.size.min(WIDTH);
+                for channel in 0..self.shape.n_channels {
+                    let at = self.shape.colour(channel, k) + first;
+                    for (term, (j, &f)) in terms[1..n].iter_mut().zip(functions.iter().enumerate()) {
+                        *term = (at + j, f);
+                    }
+                    let above = value(&terms[..n]) - self.max_scale;
+                    if above > 0.0 {
+                        row(HEIGHT_WEIGHT, above, &terms[..n]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls `row` with the weight and the terms of each row of the penalty that is a multiple of the unknowns.
+    fn linear_rows(&self, mut row: impl FnMut(f64, &[(usize, f64)])) {
         let Penalty { bend, slope, size } = self.penalty;
         for (curve, at) in self.shape.curves() {
             let n = self.shape.basis(curve).size;
@@ -234,9 +264,7 @@ impl LeastSquares for Problem<'_> {
         self.bins = bins;
         self.squares = parts.iter().sum();
         let mut penalties = 0.0;
-        self.penalty_rows(|weight, terms| {
-            penalties += weight * terms.iter().map(|&(i, f)| f * x[i]).sum::<f64>().powi(2);
-        });
+        self.penalty_rows(|weight, value, _| penalties += weight * value * value);
         if let Some(prior) = self.prior {
             let away: Vec<f64> = x.iter().zip(&prior.mean).map(|(x, m)| x - m).collect();
             let rows = prior.precision.chunks_exact(x.len());
@@ -262,8 +290,7 @@ impl LeastSquares for Problem<'_> {
         }
         self.bins = bins;
         let x = &self.x;
-        self.penalty_rows(|weight, terms| {
-            let value: f64 = terms.iter().map(|&(i, f)| f * x[i]).sum();
+        self.penalty_rows(|weight, value, terms| {
             for &(i, f) in terms {
                 equations.gradient[i] += weight * f * value;
                 for &(j, g) in terms.iter().filter(|&&(j, _)| j <= i) {

@@ -15,6 +15,10 @@ pub struct Observations {
     /// (node, channel, position): value, and weight; weights add up to one.
     pub value: Vec<f64>,
     pub weight: Vec<f64>,
+    /// The greatest value, also of positions that were thinned away.
+    pub brightest: f64,
+    /// Whether these are scattered samples, between which a lobe may hide.
+    pub is_scattered: bool,
 }
 
 /// The arrays of [`Observations::new`], (position,), (position, node) and (position, node, channel).
@@ -44,14 +48,18 @@ impl Observations {
         let mut weight = all(given.weight, n_nodes * n_channels);
         let total: f64 = weight.iter().sum();
         weight.iter_mut().for_each(|w| *w /= total);
+        let value = all(given.value, n_nodes * n_channels);
+        let brightest = value.iter().zip(&weight).filter(|(_, w)| **w > 0.0).map(|(&f, _)| f).fold(0.0, f64::max);
         Self {
             n_nodes,
             n_channels,
             ln_cos: one(given.ln_cos),
             x: one(given.x),
             azimuth: all(given.azimuth, n_nodes),
-            value: all(given.value, n_nodes * n_channels),
+            value,
             weight,
+            brightest,
+            is_scattered: n_nodes == 1,
         }
     }
 
@@ -108,6 +116,8 @@ impl Observations {
             azimuth: kept.iter().map(|&(i, node)| self.azimuth[node * self.len() + i]).collect(),
             value: all(&self.value),
             weight,
+            brightest: self.brightest,
+            is_scattered: self.is_scattered,
         }
     }
 }
