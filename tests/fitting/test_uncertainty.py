@@ -148,4 +148,4 @@ def test_too_many_unknowns_are_refused(noisy, monkeypatch):
     with pytest.raises(
         ValueError, match=r"^40 unknowns are too many for their covariance, 39 at most\. Fit fewer"
     ):
-        uncertainty.posterior(noisy[0].observations, noisy[0].estimate)
+        uncertainty.posterior(noisy[0].estimate)

@@ -75,7 +75,9 @@ class Estimate(Brief):
     iterations : int
     converged : bool
     options : object
-        Of the kernel.
+        Of the kernel, as they were at the end.
+    observations : Observations
+        What was fitted, with the weights at the end.
     prior : Gaussian, Expectation or None
     """
 
@@ -86,6 +88,7 @@ class Estimate(Brief):
     iterations: int
     converged: bool
     options: _Options
+    observations: Observations
     prior: Gaussian | Expectation | None = None
 
 
@@ -177,8 +180,16 @@ def estimate(
             observations.values.mean(-1),
             observations.light,
         )
-    spent = chosen["iterations"] + end["iterations"]
-    return Estimate(lobes, end["objective"], end["squares"], criteria, spent, end["converged"], how)
+    iterations, converged, squares = chosen["iterations"] + end["iterations"], end["converged"], end["squares"]
+    if not observations.is_table:
+        # Noise draws the minimum of logarithms down, and that of weights that follow it up
+        how = replace(how, loss="gamma" if options.loss == "log" else options.loss)
+        observations = observations.weighed_by(lobes)
+        last = refined(end, observations.kernel, LAST_TOLERANCE)
+        lobes = lobes_of(last["x"], how.sizes, last["n_lobes"], observations.n_channels)
+        iterations, converged = iterations + last["iterations"], converged and last["converged"]
+        squares = last["squares"]
+    return Estimate(lobes, end["objective"], squares, criteria, iterations, converged, how, observations)
 
 
 def _padded(found: _core._Solution, sizes: tuple[int, ...]) -> _core._Solution:
@@ -260,7 +271,15 @@ def _with_prior(observations: Observations, options: FitOptions, prior: Gaussian
     lobes = lobes_of(end["x"], how.sizes, prior.n_lobes, observations.n_channels)
     prior = _in_order(prior, end["x"], observations.n_channels)
     return Estimate(
-        lobes, end["objective"], end["squares"], np.empty(0), end["iterations"], end["converged"], how, prior
+        lobes,
+        end["objective"],
+        end["squares"],
+        np.empty(0),
+        end["iterations"],
+        end["converged"],
+        how,
+        observations,
+        prior,
     )
 
 
@@ -321,5 +340,6 @@ def _as_expected(observations: Observations, options: FitOptions, expected: Expe
         end["iterations"],
         end["converged"],
         how,
+        observations,
         expected,
     )

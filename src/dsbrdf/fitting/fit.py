@@ -107,7 +107,7 @@ class Fit:
     @cached_property
     def posterior(self) -> uncertainty.Posterior:
         """Covariance of the unknowns; see `dsbrdf.fitting.uncertainty`."""
-        return uncertainty.posterior(self.observations, self.estimate)
+        return uncertainty.posterior(self.estimate)
 
     @property
     def n_decided(self) -> float:

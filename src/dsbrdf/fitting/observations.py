@@ -12,7 +12,7 @@ made to add up to one (decision record 0015).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ from dsbrdf.fitting import energy
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
+from dsbrdf.model.evaluation import evaluate_numpy
+from dsbrdf.model.lobes import Lobes
 
 __all__ = ["Observations", "cell_area"]
 
@@ -36,6 +38,8 @@ OFFSET = 0.01
 NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
+#: Variation of cos(2 phi_d) of samples below which it tells nothing.
+LEAST_AZIMUTH = 0.1
 #: Differences of directions below this are rounding.
 SAME = 1e-3
 #: Smaller cosine of a cell below which it counts less, in proportion: little light goes there, and few instruments
@@ -70,6 +74,10 @@ class Observations(Brief):
         Independent observations that all this is worth.
     light : (angle, position, node) ndarray, optional
         How much values of a table count for the light from near each of `energy.ANGLES`.
+    directions : ((position, 3), (position, 3)) ndarray, optional
+        Those of the light and of the viewer, of samples.
+    area : (position, channel) ndarray, optional
+        How much of all pairs of directions each sample stands for.
     is_one_scan : bool, optional
         Whether these are samples in one plane of incidence with light or viewer at rest: theta_h and theta_d vary
         together, and what each does cannot be told apart.
@@ -89,6 +97,8 @@ class Observations(Brief):
     weights: Array
     n_effective: float
     light: Array | None = None
+    directions: tuple[Array, Array] | None = None
+    area: Array | None = None
     is_one_scan: bool = False
     offset: Array = field(init=False)
     kernel: _core.Observations = field(init=False, repr=False)
@@ -102,7 +112,8 @@ class Observations(Brief):
     def __reduce__(self) -> tuple[Any, ...]:
         # What the kernel holds is made again
         arrays = (self.log_cos, self.x, self.azimuth, self.values, self.weights)
-        return Observations, (*arrays, self.n_effective, self.light, self.is_one_scan)
+        rest = (self.n_effective, self.light, self.directions, self.area, self.is_one_scan)
+        return Observations, (*arrays, *rest)
 
     @property
     def n_channels(self) -> int:
@@ -113,6 +124,22 @@ class Observations(Brief):
     def is_table(self) -> bool:
         """Whether these are cells of a table, with several azimuths each."""
         return int(self.azimuth.shape[1]) > 1
+
+    def weighed_by(self, lobes: Lobes) -> Observations:
+        """Samples, weighed by the values of lobes at them.
+
+        Weights that are those of measured values follow the noise, and draw a fit to what is too bright.
+
+        Raises
+        ------
+        ValueError
+            If these are cells of a table.
+        """
+        if self.directions is None or self.area is None:
+            raise ValueError("only scattered samples are weighed by a model.")
+        values = evaluate_numpy(lobes, *self.directions)
+        weights = _weights(self.area, self.area, values, _cosines(*self.directions), axes=(0,))
+        return replace(self, weights=weights[:, None])
 
     @classmethod
     def of(cls, measured: MeasuredBRDF | Samples) -> Observations:
@@ -216,18 +243,23 @@ def _of_samples(samples: Samples) -> Observations:
     valid = np.isfinite(samples.values)
     values = np.where(valid, samples.values, 0.0)
     area = np.ones(len(samples)) if samples.weights is None else samples.weights
-    cos_product = np.maximum(samples.wi[:, 2] * samples.wo[:, 2], 0.0)
     area = area[:, None] * valid
-    weights = _weights(area, area, values, cos_product[:, None], axes=(0,))
+    weights = _weights(area, area, values, _cosines(samples.wi, samples.wo), axes=(0,))
     n = float((area > 0.0).any(1).sum())
-    azimuth = half_diff.azimuthal_factor(theta_h, theta_d) * np.cos(2.0 * phi_d)
+    factor, cos_2phi = half_diff.azimuthal_factor(theta_h, theta_d), np.cos(2.0 * phi_d)
+    # What does not vary with the azimuth, as in one plane of incidence, is not put down to it
+    told = factor > 0.5
+    varies = bool(told.any() and np.ptp(cos_2phi[told]) > LEAST_AZIMUTH)
+    azimuth = factor * cos_2phi if varies else np.zeros(len(samples))
     return Observations(
         half_diff.log_cos(theta_h),
         np.cos(theta_d),
         azimuth[:, None],
         values[:, None],
-        np.where(valid, weights, 0.0)[:, None],
+        weights[:, None],
         max(min(EFFECTIVE, n), 1.0),
+        directions=(samples.wi, samples.wo),
+        area=area,
         is_one_scan=_is_one_scan(samples.wi, samples.wo),
     )
 
@@ -237,6 +269,11 @@ def _is_one_scan(wi: Array, wo: Array) -> bool:
     # In one plane with the normal: no triple product
     out_of_plane = wi[:, 0] * wo[:, 1] - wi[:, 1] * wo[:, 0]
     return bool(at_rest and np.abs(out_of_plane).max() < SAME)
+
+
+def _cosines(wi: Array, wo: Array) -> Array:
+    """`cos(theta_i) cos(theta_o)` (n, 1), not below 0."""
+    return np.asarray(np.maximum(wi[:, 2] * wo[:, 2], 0.0))[:, None]
 
 
 def _cos_product(theta_h: Array, theta_d: Array, cos_2phi: Array) -> Array:

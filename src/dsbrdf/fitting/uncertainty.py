@@ -281,7 +281,7 @@ def penalty_matrix(lobes: Lobes, penalty: tuple[float, float, float]) -> Array:
     return matrix
 
 
-def posterior(observations: Observations, found: Estimate) -> Posterior:
+def posterior(found: Estimate) -> Posterior:
     """The posterior of an estimate.
 
     Raises
@@ -289,14 +289,14 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
     ValueError
         If there are too many unknowns for a dense covariance.
     """
-    lobes, prior = found.lobes, found.prior
+    lobes, prior, observations = found.lobes, found.prior, found.observations
     n = len(unknowns_of(lobes))
     if n > MAX_UNKNOWNS:
         raise ValueError(
             f"{n:,} unknowns are too many for their covariance, {MAX_UNKNOWNS:,} at most. Fit fewer channels."
         )
     if isinstance(prior, Expectation):
-        return _as_expected(observations, found, prior)
+        return _as_expected(found, prior)
     weights = observations.weights / observations.weights.sum()
     parts = [slice(start, start + CHUNK) for start in range(0, len(observations.x), CHUNK)]
     hessian = np.zeros((n, n))
@@ -321,9 +321,9 @@ def posterior(observations: Observations, found: Estimate) -> Posterior:
     return Posterior(lobes, covariance, n_decided)
 
 
-def _as_expected(observations: Observations, found: Estimate, expected: Expectation) -> Posterior:
+def _as_expected(found: Estimate, expected: Expectation) -> Posterior:
     """The posterior of lobes that are nearest to what is expected, which varies as its process says."""
-    lobes, joined = found.lobes, with_support(observations, expected)
+    lobes, joined = found.lobes, with_support(found.observations, expected)
     value, jacobian = value_jacobian(lobes, joined.log_cos, joined.x, joined.azimuth)
     jacobian /= np.hypot(value, 2.0 * processes.OFFSET)[..., None]
     weights = joined.weights / joined.weights.sum()
