@@ -118,8 +118,8 @@ def test_a_scan_says_what_it_covers():
     wi = np.broadcast_to([0.5, 0.0, np.sqrt(0.75)], wo.shape)
     found = fit(Samples(wi, wo, closed_form(1)(wi, wo)), 1)
     text = (
-        "measured: theta_d only 0 to 55 degrees; theta_h only 0 to 55 degrees; 60% of the pairs of angles in all. "
-        "Elsewhere the model follows its curves, not data"
+        "measured: theta_d only 0 to 55 degrees; theta_h only 0 to 55 degrees; 60% of the pairs of angles in all; "
+        "no variation with the azimuth. Elsewhere the model follows its curves, not data"
     )
     # Along the scan theta_h = |30 + theta_o| / 2 and theta_d = |30 - theta_o| / 2, as (25, 55) and (55, 25)
     assert found.coverage.sentence == text

@@ -9,8 +9,10 @@ from dsbrdf import Samples, half_diff
 from dsbrdf.fitting import uncertainty
 from dsbrdf.fitting.estimator import _Options, lobes_of, unknowns_of
 from dsbrdf.fitting.observations import Observations
+from dsbrdf.model.lobes import curve_design
 
 PENALTY = (0.25, 0.05, 0.02)
+NAMES = ("scale", "gamma", "beta", "falloff", "colour")
 
 
 def random_lobes(n_channels, sizes):
@@ -28,7 +30,29 @@ def twin(lobes, observations, options):
     gradient = np.einsum("nkc,nkcp,nkc->p", weights, jacobian, residual) + penalty @ x
     weighted = jacobian * weights[..., None]
     hessian = np.einsum("nkcp,nkcq->pq", weighted, jacobian, optimize=True) + penalty
+    if not observations.is_table:
+        for above, row in heights(lobes, observations):
+            cost += 200.0 * above**2
+            gradient = gradient + 400.0 * above * row
+            hessian = hessian + 400.0 * np.outer(row, row)
     return cost, gradient, hessian
+
+
+def heights(lobes, observations):
+    """By how much `ln kappa` of lobes is above twice the brightest value, and its derivative, where it is."""
+    n_scale, n_colour = lobes.scale.shape[1], lobes.colour.shape[2]
+    highest = np.log(np.log1p(2.0 * observations.values[observations.weights > 0.0].max()))
+    spans = n_scale - 2
+    places = np.clip((np.arange(n_scale) - 0.5) / spans, 0.0, 1.0)
+    for channel in range(lobes.n_channels) if lobes.n_channels > 1 else ():
+        for k in range(lobes.n_lobes):
+            colour = curve_design(places, n_colour)
+            for j, above in enumerate(lobes.scale[k] + colour @ lobes.colour[channel, k] - highest):
+                row = lobes.replace(**{name: 0.0 * getattr(lobes, name) for name in NAMES})
+                row.scale[k, j] = 1.0
+                row.colour[channel, k] = colour[j]
+                if above > 0.0:
+                    yield above, unknowns_of(row)
 
 
 def kernel(lobes, observations, options):

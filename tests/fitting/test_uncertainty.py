@@ -63,6 +63,22 @@ def test_bands_of_values_hold_the_truth(noisy, rng):
     assert 0.90 <= np.mean(held) <= 0.99
 
 
+def test_loud_noise_draws_neither_up_nor_down():
+    """20 %, a fifth of all positions: means of the logarithm stay, and bands hold the truth."""
+    off, held = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        wi, wo = pairs(rng, 1000)
+        values = known().eval(wi, wo) * (1.0 + 0.2 * rng.normal(size=(1000, 3)))
+        found = fit(Samples(wi, wo, values, weights=np.ones(1000)), 2)
+        at = pairs(rng, 300)
+        truth, (low, high) = known().eval(*at), found.band(*at)
+        off.append(np.log(found.model.eval(*at) / truth))
+        held.append((low < truth) & (truth < high))
+    assert abs(np.mean(off)) < 0.006
+    assert 0.93 <= np.mean(held) <= 0.98
+
+
 def test_standard_errors_of_curves_hold_the_truth(noisy):
     truth = known().lobes.at(ANGLES)
     held = []

@@ -49,7 +49,8 @@ impl Observations {
         let total: f64 = weight.iter().sum();
         weight.iter_mut().for_each(|w| *w /= total);
         let value = all(given.value, n_nodes * n_channels);
-        let brightest = value.iter().zip(&weight).filter(|(_, w)| **w > 0.0).map(|(&f, _)| f).fold(0.0, f64::max);
+        let brightest =
+            value.iter().zip(&weight).filter(|(_, w)| **w > 0.0).map(|(&f, _)| f).fold(0.0, f64::max);
         Self {
             n_nodes,
             n_channels,

@@ -180,7 +180,11 @@ def estimate(
             observations.values.mean(-1),
             observations.light,
         )
-    iterations, converged, squares = chosen["iterations"] + end["iterations"], end["converged"], end["squares"]
+    iterations, converged, squares = (
+        chosen["iterations"] + end["iterations"],
+        end["converged"],
+        end["squares"],
+    )
     if not observations.is_table:
         # Noise draws the minimum of logarithms down, and that of weights that follow it up
         how = replace(how, loss="gamma" if options.loss == "log" else options.loss)

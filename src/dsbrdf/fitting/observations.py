@@ -39,7 +39,7 @@ NEGATIVE_QUANTILE = 0.05
 #: Angle, radians, below which theta_d no longer adds to the weight of a value in the albedo.
 LEAST_ANGLE = float(np.deg2rad(2.0))
 #: Variation of cos(2 phi_d) of samples below which it tells nothing.
-LEAST_AZIMUTH = 0.1
+LEAST_VARIATION = 0.1
 #: Differences of directions below this are rounding.
 SAME = 1e-3
 #: Smaller cosine of a cell below which it counts less, in proportion: little light goes there, and few instruments
@@ -249,7 +249,7 @@ def _of_samples(samples: Samples) -> Observations:
     factor, cos_2phi = half_diff.azimuthal_factor(theta_h, theta_d), np.cos(2.0 * phi_d)
     # What does not vary with the azimuth, as in one plane of incidence, is not put down to it
     told = factor > 0.5
-    varies = bool(told.any() and np.ptp(cos_2phi[told]) > LEAST_AZIMUTH)
+    varies = bool(told.any() and np.ptp(cos_2phi[told]) > LEAST_VARIATION)
     azimuth = factor * cos_2phi if varies else np.zeros(len(samples))
     return Observations(
         half_diff.log_cos(theta_h),

@@ -24,7 +24,8 @@ class FitOptions:
         As few as the data call for, six at most, by default.
     loss : {"log", "gamma", "l2"}, optional
         Squares of the logarithm (an asinh, linear below the noise), the default; the deviance of the gamma
-        distribution; or squares of the values themselves.
+        distribution; or squares of the values themselves. Scattered samples are fitted by "log" first, and by "gamma",
+        which noise does not draw down, in the end.
     curves : {"standard", "compact"}, optional
         How many coefficients the curves have; six compact lobes of three channels are 60 numbers.
     max_iterations : int, optional
