@@ -9,7 +9,7 @@ The way of the data
 How good, how certain
     `Fit.errors`, `Fit.coverage`, `Fit.band`, `Fit.standard_errors`; `check_model` before rendering.
 Many files
-    `fit_many`.
+    `fit_many`; `compare` with other models.
 Ready-made materials, and what is like what
     `dsbrdf.library`, `dsbrdf.space`.
 Elsewhere
@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome, fit_many
     from dsbrdf.batch.texels import TexelMaps, fit_texels, load_texels
+    from dsbrdf.comparison import Comparison, compare
     from dsbrdf.fitting.fit import ConvergenceWarning, Fit, fit
     from dsbrdf.fitting.options import FitOptions
     from dsbrdf.fitting.plan import plan
@@ -59,6 +60,7 @@ __version__ = "0.1.0"
 __all__ = [
     "DSBRDF",
     "CheckReport",
+    "Comparison",
     "ConvergenceWarning",
     "Fit",
     "FitOptions",
@@ -70,6 +72,7 @@ __all__ = [
     "Samples",
     "TexelMaps",
     "check_model",
+    "compare",
     "fit",
     "fit_many",
     "fit_texels",
@@ -89,6 +92,7 @@ __all__ = [
 #: Module of each name, imported when the name is first used, so that `import dsbrdf` and help come at once.
 _OWNERS = {
     "CheckReport": "dsbrdf.model.check",
+    "Comparison": "dsbrdf.comparison",
     "ConvergenceWarning": "dsbrdf.fitting",
     "DSBRDF": "dsbrdf.model.dsbrdf",
     "Fit": "dsbrdf.fitting",
@@ -100,6 +104,7 @@ _OWNERS = {
     "Outcome": "dsbrdf.batch",
     "Samples": "dsbrdf.measured",
     "check_model": "dsbrdf.model.check",
+    "compare": "dsbrdf.comparison",
     "fit": "dsbrdf.fitting",
     "TexelMaps": "dsbrdf.batch.texels",
     "fit_many": "dsbrdf.batch",

@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 from tables import built_in
 
+from dsbrdf import Samples, half_diff, read, tabulate
 from dsbrdf import baselines as bl
-from dsbrdf import half_diff, read, tabulate
-from dsbrdf.baselines import microfacet
+from dsbrdf.baselines import fresnel, microfacet
 from dsbrdf.fitting.metrics import errors
 from dsbrdf.measured import reflectance
 
 FEW = (45, 18, 12)
 GGX = bl.LambertGGX(
     np.array([0.3, 0.1, 0.02]), np.array([[0.04], [0.3], [0.9]]), np.ones(1), np.array([0.15]), "known"
+)
+FRESNEL = bl.FresnelGGX(
+    np.array([0.3, 0.1, 0.02]), np.array([1.5, 0.4, 2.0]), np.array([0.05, 2.0, 3.0]), 0.15, "known"
 )
 PAIR = bl.GGXPair(
     np.array([0.3, 0.1, 0.02]),
@@ -33,7 +36,7 @@ def random_pairs(rng, n):
 
 @pytest.fixture(scope="module")
 def every_model():
-    return [GGX, PAIR, bl.fit_bivariate(built_in("glossy-plastic"))]
+    return [GGX, FRESNEL, PAIR, bl.fit_bivariate(built_in("glossy-plastic"))]
 
 
 # The interface
@@ -80,9 +83,9 @@ def test_angles_are_directions(every_model, rng):
 
 def test_names_and_numbers_of_parameters(every_model):
     valid = built_in("glossy-plastic").valid.any(2).sum()
-    assert [model.n_parameters for model in every_model] == [7, 13, valid]
-    assert len({model.label for model in every_model}) == 3
-    assert [model.name for model in every_model] == ["known", "known", "glossy-plastic"]
+    assert [model.n_parameters for model in every_model] == [7, 10, 13, valid]
+    assert len({model.label for model in every_model}) == 4
+    assert [model.name for model in every_model] == ["known", "known", "known", "glossy-plastic"]
 
 
 # Formulas
@@ -117,7 +120,53 @@ def test_derivatives(free_f90, rng):
         np.testing.assert_allclose(jacobian[:, i], expected, rtol=1e-3, atol=1e-7)
 
 
+def test_fresnel_at_normal_incidence_at_brewsters_angle_and_at_grazing():
+    index, extinction = np.array([1.5, 0.2]), np.array([0.0, 3.0])
+    at_normal = ((index - 1.0) ** 2 + extinction**2) / ((index + 1.0) ** 2 + extinction**2)
+    np.testing.assert_allclose(fresnel.fresnel(np.ones(1), index, extinction), at_normal, rtol=1e-12)
+    np.testing.assert_allclose(fresnel.fresnel(np.full(1, 1e-9), index, extinction), 1.0, rtol=1e-7)
+    # There only light across the plane of incidence comes back: sin^2(theta - theta') / 2, with theta + theta' a right
+    # angle
+    angle = np.arctan(1.5)
+    expected = 0.5 * np.sin(2.0 * angle - np.pi / 2) ** 2
+    found = fresnel.fresnel(np.cos(angle), index[0], extinction[0])
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_derivatives_with_fresnel(rng):
+    search = fresnel.Search(microfacet.Problem.of(built_in("satin-plastic", (20, 6, 8))))
+    x = 0.5 * rng.normal(size=10) - 0.5
+    jacobian = search.jacobian(x)
+    for i, step in enumerate(1e-6 * np.eye(10)):
+        expected = (search.residual(x + step) - search.residual(x - step)) / 2e-6
+        np.testing.assert_allclose(jacobian[:, i], expected, rtol=1e-3, atol=1e-7)
+
+
 # Recovery
+
+
+def test_finds_facets_of_known_material():
+    """Both parts of an index are told apart by their reflectance at all angles only: that is what is compared."""
+    measured = tabulate(FRESNEL.eval, "known", shape=(90, 18, 36))
+    found = bl.fit_fresnel_ggx(measured)
+    assert found.alpha == pytest.approx(0.15, rel=0.02)
+    np.testing.assert_allclose(found.albedo, FRESNEL.albedo, rtol=0.02)
+    cos_d = np.linspace(0.2, 1.0, 9)[:, None]
+    shares = (fresnel.fresnel(cos_d, model.index, model.extinction) for model in (found, FRESNEL))
+    np.testing.assert_allclose(*shares, rtol=0.03)
+    assert errors(found, measured).cbrt < 2e-3
+
+
+@pytest.mark.parametrize(("truth", "fit"), [(GGX, bl.fit_lambert_ggx), (PAIR, bl.fit_ggx_pair)])
+def test_finds_its_own_numbers_of_samples(truth, fit, rng):
+    wi, wo = np.abs(random_pairs(rng, 3000))
+    wo = np.where(rng.random((3000, 1)) < 0.5, wi * [-1.0, -1.0, 1.0] + 0.05 * wo, wo)
+    wo /= np.linalg.norm(wo, axis=-1, keepdims=True)
+    values = truth.eval(wi, wo)
+    values[::7, 1] = np.nan
+    found = fit(Samples(wi, wo, values, name="known"))
+    for name in ("alpha", "albedo", "f0"):
+        np.testing.assert_allclose(getattr(found, name), getattr(truth, name), rtol=2e-2, err_msg=name)
 
 
 @pytest.mark.parametrize(("truth", "fit"), [(GGX, bl.fit_lambert_ggx), (PAIR, bl.fit_ggx_pair)])
@@ -201,7 +250,7 @@ def test_bivariate_is_bilinear_between_cell_centres():
 
 # Odd tables
 
-FITS = [bl.fit_lambert_ggx, bl.fit_ggx_pair, bl.fit_bivariate]
+FITS = [bl.fit_lambert_ggx, bl.fit_fresnel_ggx, bl.fit_ggx_pair, bl.fit_bivariate]
 
 
 @pytest.mark.parametrize("fit", FITS)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,19 @@ from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.fitting.observations import cell_area
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured import reflectance
+from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["GGXPair", "LambertGGX", "Problem", "fit_ggx_pair", "fit_lambert_ggx", "solve"]
+__all__ = [
+    "GGXPair",
+    "LambertGGX",
+    "Problem",
+    "fit_ggx_pair",
+    "fit_lambert_ggx",
+    "least",
+    "solve",
+    "strengths",
+]
 
 #: Range of alpha.
 ALPHA = (0.001, 1.5)
@@ -24,14 +35,19 @@ ALPHA = (0.001, 1.5)
 STRENGTH = (1e-6, 30.0)
 #: Alphas that the searches start from; the best end is kept.
 STARTS_ONE = ((0.03,), (0.12,), (0.4,))
-STARTS_TWO = ((0.02, 0.15), (0.1, 0.4))
+STARTS_TWO = ((0.02, 0.15), (0.1, 0.4), (0.03, 0.5))
 #: Relative step of the derivative by alpha.
 STEP = 1e-5
-MAX_EVALUATIONS, TOLERANCE = 60, 1e-5
+MAX_EVALUATIONS, TOLERANCE = 60, 1e-4
+#: Of searches that only find out which start is best.
+ROUGHLY = 1e-3
 #: Steps between the theta_d and number of the azimuths that are looked at: a model of 13 numbers needs no more.
 D_STEP, N_PHI = 4, 6
 #: Offset of the logarithm, as a share of the median.
 OFFSET = 0.01
+#: Searches from all starts look at every so many rows, the greatest step that leaves enough of them; none has a factor
+#: in common with the number of azimuths.
+STEPS, ENOUGH = (13, 11, 7, 5, 1), 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +119,12 @@ def _schlick(wi: Array, wo: Array) -> Array:
     return power
 
 
-def fit_lambert_ggx(measured: MeasuredBRDF) -> LambertGGX:
+def fit_lambert_ggx(measured: MeasuredBRDF | Samples) -> LambertGGX:
     """Fit Lambert and a GGX lobe to all that was measured.
 
     Parameters
     ----------
-    measured : MeasuredBRDF
+    measured : MeasuredBRDF or Samples
 
     Returns
     -------
@@ -134,12 +150,12 @@ def fit_lambert_ggx(measured: MeasuredBRDF) -> LambertGGX:
     return LambertGGX(*solve(Problem.of(measured), STARTS_ONE, free_f90=False), name=measured.name)
 
 
-def fit_ggx_pair(measured: MeasuredBRDF) -> GGXPair:
+def fit_ggx_pair(measured: MeasuredBRDF | Samples) -> GGXPair:
     """Fit Lambert and two GGX lobes to all that was measured.
 
     Parameters
     ----------
-    measured : MeasuredBRDF
+    measured : MeasuredBRDF or Samples
 
     Returns
     -------
@@ -154,7 +170,7 @@ def fit_ggx_pair(measured: MeasuredBRDF) -> GGXPair:
     Notes
     -----
     Squares of differences of `ln(f + offset)` by `scipy.optimize.least_squares` over the logarithms of all numbers,
-    from two pairs of widths. Half of the weight is solid angle, the other half as in squares of the cube root of
+    from three pairs of widths. Half of the weight is solid angle, the other half as in squares of the cube root of
     `f cos_i cos_o`; the offset is a hundredth of the median. With weight on the squares of f as well, as `dsbrdf.fit`
     has it, peaks that no GGX lobe fits cost the rest: the cube root's error rises by half.
 
@@ -188,29 +204,26 @@ class Problem:
     offset: Array | None
 
     @classmethod
-    def of(cls, measured: MeasuredBRDF) -> Problem:
-        """Valid entries at every `D_STEP`-th theta_d and `N_PHI` azimuths.
+    def of(cls, measured: MeasuredBRDF | Samples) -> Problem:
+        """Valid samples; of a table, entries at every `D_STEP`-th theta_d and `N_PHI` azimuths.
 
         Raises
         ------
         ValueError
             If there is none.
         """
-        n_d, n_phi = measured.planes.shape[2:]
-        rows = np.arange(n_d)[min(D_STEP // 2, n_d - 1) :: D_STEP]
-        columns = np.unique((np.arange(N_PHI) + 0.5) * n_phi // N_PHI).astype(int)
-        values = np.moveaxis(measured.rows(rows)[..., columns], 0, -1)
-        wi, wo = half_diff.to_directions(
-            measured.theta_h[:, None, None], measured.theta_d[rows][:, None], measured.phi_d[columns]
-        )
+        if isinstance(measured, Samples):
+            wi, wo, values = measured.wi, measured.wo, np.maximum(measured.values, 0.0)
+            area = np.ones(len(values))
+        else:
+            wi, wo, values, area = _entries(measured)
         valid = np.isfinite(values)
         some = valid.any(-1) & (wi[..., 2] > 0.0) & (wo[..., 2] > 0.0)
         if not some.any():
             raise ValueError(
-                f"{measured.name or 'the table'}: no value is valid. Check that it holds positive values in 1/sr."
+                f"{measured.name or 'the measurement'}: no value is valid. Check that it holds positive values in 1/sr."
             )
-        area = cell_area(measured.theta_h, measured.theta_d)[rows].T[..., None]
-        area = np.broadcast_to(area, some.shape)[some][:, None] * valid[some]
+        area = area[some][:, None] * valid[some]
         wi, wo, values = wi[some], wo[some], np.where(valid, values, 0.0)[some]
         # In ln f, squares of the cube root are weighted by its square
         weight = np.zeros_like(values)
@@ -220,6 +233,12 @@ class Problem:
             [_median(column[ok]) for column, ok in zip(values.T, valid[some].T, strict=True)]
         )
         return cls(wi, wo, values, np.sqrt(weight), offset)
+
+    def thinned(self) -> Problem:
+        """The same at fewer rows, or itself if it has few."""
+        step = next((step for step in STEPS if len(self.wi) // step >= ENOUGH), 1)
+        parts = ("wi", "wo", "values", "root_weight")
+        return dataclasses.replace(self, **{name: getattr(self, name)[::step] for name in parts})
 
     @cached_property
     def grazing(self) -> Array:
@@ -249,6 +268,19 @@ class Problem:
         return values
 
 
+def _entries(measured: MeasuredBRDF) -> tuple[Array, Array, Array, Array]:
+    """Directions, values (theta_h, theta_d, phi_d, channel), NaN where invalid, and solid angles of some entries."""
+    n_d, n_phi = measured.planes.shape[2:]
+    rows = np.arange(n_d)[min(D_STEP // 2, n_d - 1) :: D_STEP]
+    columns = np.unique((np.arange(N_PHI) + 0.5) * n_phi // N_PHI).astype(int)
+    values = np.moveaxis(measured.rows(rows)[..., columns], 0, -1)
+    wi, wo = half_diff.to_directions(
+        measured.theta_h[:, None, None], measured.theta_d[rows][:, None], measured.phi_d[columns]
+    )
+    area = cell_area(measured.theta_h, measured.theta_d)[rows].T[..., None]
+    return wi, wo, values, np.broadcast_to(area, values.shape[:-1])
+
+
 def _median(values: Array) -> float:
     """Median of what is positive; 1 if nothing is."""
     lit = values[values > 0.0]
@@ -262,36 +294,75 @@ def solve(
 
     F90 is 1 unless it is free.
     """
-    from scipy import optimize
-
     n_lobes = len(starts[0])
-    search = Search(problem, n_lobes, free_f90)
-    low, high = np.log(STRENGTH)
-    bounds = np.full((2, search.size), [[low], [high]])
+
+    def search(of: Problem) -> Search:
+        return Search(of, n_lobes, free_f90)
+
+    bounds = np.full((2, search(problem).size), np.log(STRENGTH)[:, None])
     bounds[:, -n_lobes:] = np.log(ALPHA)[:, None]
-    results: list[Any] = []
-    for alphas in starts:
-        start = np.clip(search.start(alphas), bounds[0] + 1e-3, bounds[1] - 1e-3)
-        results.append(
-            optimize.least_squares(
-                search.residual,
-                start,
-                search.jacobian,
-                bounds=bounds,
-                method="dogbox",
-                x_scale="jac",
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                max_nfev=MAX_EVALUATIONS,
-            )
-        )
-    best = min(results, key=lambda result: float(result.cost))
-    albedo, f0, f90, log_alpha = search.split(best.x)
+    few = search(problem.thinned())
+    best = least(search, problem, [few.start(alphas) for alphas in starts], bounds)
+    albedo, f0, f90, log_alpha = few.split(best)
     order = np.argsort(log_alpha)
     # A channel without light has none
     dark: NDArray[np.bool_] = np.logical_not((problem.values * problem.root_weight).any(0))
     albedo, f0 = np.where(dark, 0.0, albedo), np.where(dark[:, None], 0.0, f0)
     return albedo, f0[:, order], np.where(dark.all(), 0.0, f90[order]), np.exp(log_alpha[order])
+
+
+class Squares(Protocol):
+    """Differences, whose squares are to be least, and their derivatives."""
+
+    def residual(self, x: Array) -> Array:
+        """Weighted differences, (row channel,)."""
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivatives (row channel, unknown)."""
+
+
+def least(
+    squares: Callable[[Problem], Squares], problem: Problem, starts: Sequence[Array], bounds: Array
+) -> Array:
+    """Unknowns within bounds (2, unknown) of least squares: the best of several starts on few rows, then on all."""
+    from scipy import optimize
+
+    def end(of: Squares, start: Array, tolerance: float) -> Any:
+        return optimize.least_squares(
+            of.residual,
+            np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3),
+            of.jacobian,
+            bounds=bounds,
+            method="dogbox",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=tolerance,
+            max_nfev=MAX_EVALUATIONS,
+        )
+
+    few = squares(problem.thinned())
+    best = min((end(few, start, ROUGHLY) for start in starts), key=lambda result: float(result.cost))
+    return np.asarray(end(squares(problem), best.x, TOLERANCE).x)
+
+
+def strengths(problem: Problem, log_alpha: Array) -> Array:
+    """Albedo and strengths of lobes (channel, 1 + lobe) at widths, by non-negative least squares of what is compared.
+
+    Of a logarithm these are relative differences. None is left at nothing: from there no step leads back.
+    """
+    from scipy.optimize import nnls
+
+    columns = np.stack([np.full(len(problem.wi), 1.0 / np.pi), *map(problem.lobe, log_alpha)], axis=-1)
+    scales = problem.root_weight * problem.link(problem.values)[1]
+    found = np.stack(
+        [
+            nnls(scale[:, None] * columns, scale * values)[0]
+            for scale, values in zip(scales.T, problem.values.T, strict=True)
+        ]
+    )
+    least_of_all = 1e-3 * max(float(found.max()), 1e-3)
+    strength: Array = np.maximum(found, least_of_all)
+    return strength
 
 
 class Search:
@@ -310,19 +381,9 @@ class Search:
         return np.exp(x[:c]), np.exp(x[c : c * (1 + k)]).reshape(c, k), f90, x[-k:]
 
     def start(self, alphas: tuple[float, ...]) -> Array:
-        """Unknowns at widths: strengths by non-negative least squares, of relative differences for a logarithm."""
-        from scipy.optimize import nnls
-
-        problem = self.problem
+        """Unknowns at widths."""
         log_alpha = np.log(alphas)
-        columns = np.stack([np.full(len(problem.wi), 1.0 / np.pi), *map(problem.lobe, log_alpha)], axis=-1)
-        strength = np.zeros((self.n_channels, 1 + self.n_lobes))
-        scales = problem.root_weight * problem.link(problem.values)[1]
-        for channel, scale in enumerate(scales.T):
-            strength[channel] = nnls(scale[:, None] * columns, scale * problem.values[:, channel])[0]
-        # None is left at nothing: from there no step leads back
-        least = 1e-3 * np.maximum(strength.max(), 1e-3)
-        strength = np.log(np.maximum(strength, least))
+        strength = np.log(strengths(self.problem, log_alpha))
         f90 = np.zeros(self.n_lobes * self.free_f90)
         return np.concatenate([strength[:, 0], strength[:, 1:].ravel(), f90, log_alpha])
 

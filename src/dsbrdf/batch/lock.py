@@ -66,7 +66,7 @@ def _locked(path: Path) -> IO[str]:
                 file.seek(0)
                 who = file.read(200)
             raise BusyError(
-                f"{path.parent}: {who or 'another process'} is writing models to this folder. Wait for it, or give "
+                f"{path.parent}: {who or 'another process'} is writing to this folder. Wait for it, or give "
                 "another folder."
             ) from None
         with contextlib.suppress(FileNotFoundError):

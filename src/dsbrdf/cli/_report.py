@@ -19,6 +19,7 @@ from dsbrdf import _text
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Outcome
+    from dsbrdf.comparison import Comparison
     from dsbrdf.fitting.plan import Plan
     from dsbrdf.measured.databases import Database
     from dsbrdf.model.check import CheckReport
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "json_line",
     "print_check",
+    "print_comparison",
     "print_databases",
     "print_fits",
     "print_nearest",
@@ -44,6 +46,12 @@ ERRORS = (
     "Errors over all that was measured, the whole hemisphere. rel: relative RMS over directions; cbrt: the same of the "
     "cube root of f cos cos; log: RMS of the logarithm over entries; albedo: largest relative error, 5 to 75 degrees. "
     "Floor: no function of (theta_h, theta_d) has a lower rel."
+)
+#: What the columns of a comparison mean.
+MERIT = (
+    "Medians over materials, against the measurement, 80 degrees about the normal; the least cbrt first. rel: relative "
+    "RMS over directions; cbrt: the same of the cube root of f cos cos; log: RMS of the logarithm; albedo: largest "
+    "relative error, 5 to 75 degrees; CIEDE2000: mean colour difference of a sphere."
 )
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160
@@ -227,6 +235,27 @@ def print_nearest(nearest: Sequence[tuple[str, float]]) -> None:
     for name, distance in nearest:
         table.add_row(name, f"{distance:.3f}")
     _console().print(table)
+
+
+def print_comparison(found: Comparison, out: Path | None) -> None:
+    """Print medians of methods, and what was written."""
+    table = _table("method", "materials", "numbers", "seconds", *COLUMNS[:4], "CIEDE\n2000", "worst\ncbrt")
+    for s in found.standings:
+        seconds = f"{s.seconds:.2f}" if math.isfinite(s.seconds) else "-"
+        numbers = f"{s.n_parameters:.0f}" if math.isfinite(s.n_parameters) else "-"
+        errors = map(_number, (s.rel, s.cbrt, s.log, s.albedo, s.ciede2000, s.worst))
+        table.add_row(s.method, str(s.n_materials), numbers, seconds, *errors)
+    console = _console()
+    console.print(table)
+    console.print()
+    console.print(MERIT)
+    if not found.is_even:
+        console.print("Not all methods have the same materials: their medians are not of the same.")
+    if out is not None:
+        from dsbrdf.comparison import FILES
+
+        names = [name for name in FILES if (out / name).exists()]
+        console.print(f"Written: {', '.join(names)} in {out}", soft_wrap=True)
 
 
 def json_line(summary: Mapping[str, Any]) -> str:

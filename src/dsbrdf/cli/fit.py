@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import multiprocessing
-import os
 import sys
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +14,7 @@ import typer
 
 from dsbrdf.cli._app import State, app, check_folder, missing_plots, note, say, tell
 from dsbrdf.cli._reading import takes_reading
+from dsbrdf.cli._workers import processes
 
 if TYPE_CHECKING:
     from dsbrdf.batch import Executors
@@ -173,7 +171,7 @@ def fit(
 def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executors | None]:
     """Where fits run."""
     if scheduler is None:
-        yield None if workers is None else functools.partial(_processes, workers)
+        yield None if workers is None else functools.partial(processes, workers)
         return
     if workers is not None:
         raise typer.BadParameter(
@@ -187,19 +185,6 @@ def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executors 
         ) from None
     with Client(scheduler, timeout=CONNECTING) as client:  # type: ignore[no-untyped-call]
         yield client.get_executor()
-
-
-def _processes(n: int) -> Executor:
-    """A pool of processes that share the cores."""
-    threads = max(1, (os.cpu_count() or 1) // n)
-    return ProcessPoolExecutor(
-        n, multiprocessing.get_context("spawn"), initializer=_share_cores, initargs=(threads,)
-    )
-
-
-def _share_cores(threads: int) -> None:
-    """Let the kernel of this process have so many threads, unless the user has said how many."""
-    os.environ.setdefault("RAYON_NUM_THREADS", str(threads))
 
 
 def _lobe_count(text: str) -> int | str:
