@@ -312,7 +312,7 @@ def test_two_runs_in_a_folder(database, tmp_path):
     refused = []
 
     def second(_):
-        with pytest.raises(batch.BusyError, match=f"process {os.getpid()} on .* is writing models") as error:
+        with pytest.raises(batch.BusyError, match=f"process {os.getpid()} on .* is writing to") as error:
             run(database, out)
         refused.append(batch.describe(error.value))
 
