@@ -11,7 +11,7 @@ from playwright.sync_api import sync_playwright
 
 import dsbrdf
 from dsbrdf.model.lobes import SHARED
-from dsbrdf.view.data import rgb_channels
+from dsbrdf.view.data import rgb_weights
 from dsbrdf.view.page import constants
 
 #: No network, no sandbox inside of containers, WebGL2 and WebGPU in software.
@@ -234,4 +234,10 @@ def material_json(model):
     arrays = {name: np.asarray(getattr(model.lobes, name)).ravel().tolist() for name in names}
     sizes = {name: getattr(model.lobes, name).shape[-1] for name in names}
     shape = {"nChannels": model.n_channels, "nLobes": model.n_lobes, "sizes": sizes}
-    return {"name": model.name, "rgb": rgb_channels(model.channels), "profile": None, **shape, **arrays}
+    return {
+        "name": model.name,
+        "rgb": rgb_weights(model.channels)[0].tolist(),
+        "profile": None,
+        **shape,
+        **arrays,
+    }

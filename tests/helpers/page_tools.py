@@ -50,6 +50,14 @@ def curve_on_screen(page, channel):
     return np.sign(root) * root**2, v0 + (points[:, 1] - y0) / (y1 - y0) * (v1 - v0)
 
 
-def chip(page, name):
-    """The picture of a material on the map."""
-    return page.locator(f".chip[aria-label='{name}']")
+def map_state(page):
+    """Zoom of the map, who is seen as a sphere, and where all materials are on its canvas."""
+    return page.evaluate("dsbrdf.mapState()")
+
+
+def click_material(page, name, **options):
+    """Click a material on the map."""
+    settle(page)
+    index = page.evaluate("name => dsbrdf.materials.findIndex(m => m.name === name)", name)
+    state = map_state(page)
+    page.locator("#map-canvas").click(position={"x": state["x"][index], "y": state["y"][index]}, **options)

@@ -1,9 +1,11 @@
 """Names from files within texts for other programs: whatever the name, the text around it keeps its meaning."""
 
+import base64
 import csv
 import io
 import json
 import re
+import zlib
 
 import numpy as np
 import pytest
@@ -74,9 +76,10 @@ def test_the_page_keeps_its_parts():
     assert text.count("<!--") == plain.count("<!--")
     data = {
         key: re.search(rf'id="{key}">(.*?)</script>', text, re.DOTALL)[1]
-        for key in ("meta", "floats", "words")
+        for key in ("materials", "floats", "words")
     }
-    names = [entry["name"] for entry in json.loads(data["meta"])["materials"]]
+    content = json.loads(zlib.decompress(base64.b64decode(data["materials"])))
+    names = [entry["name"] for entry in content["materials"]]
     assert names == [_text.well_formed(HOSTILE), "/*{words}*/"]
     assert data["floats"] == re.search(r'id="floats">(.*?)</script>', plain, re.DOTALL)[1]
 

@@ -12,7 +12,8 @@ import pytest
 from sphere_page import quiet_fit
 
 import dsbrdf
-from dsbrdf import cli
+from dsbrdf import cli, shader
+from dsbrdf.geometry import colour
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.view import collect, data, frame, layout, page, script, view
 
@@ -36,6 +37,12 @@ def part(text, name):
     return re.search(rf'<script type="[^"]*" id="{name}">(.*?)</script>', text, re.DOTALL)[1]
 
 
+def described(text):
+    """What the page says of its materials; what many have in common is put into each."""
+    content = json.loads(zlib.decompress(base64.b64decode(part(text, "materials"))))
+    return [content["kinds"][entry["kind"]] | entry for entry in content["materials"]]
+
+
 def numbers(text, dtype):
     """Numbers of a packed array, unpacked as the page does it."""
     planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
@@ -44,17 +51,21 @@ def numbers(text, dtype):
 
 def test_the_page_holds_the_numbers(model):
     text = page(model)
-    meta = json.loads(part(text, "meta"))
-    assert [entry["name"] for entry in meta["materials"]] == ["rough-gold"]
-    entry = meta["materials"][0]
-    assert (entry["lobes"], entry["channels"], entry["rgb"]) == (2, ["r", "g", "b"], [0, 1, 2])
+    (entry,) = described(text)
+    assert (entry["name"], entry["lobes"], entry["channels"]) == ("rough-gold", 2, ["r", "g", "b"])
+    assert (entry["rgb"], entry["falseColours"]) == (np.eye(3).tolist(), False)
     names = ("scale", "gamma", "beta", "falloff", "colour")
     assert entry["sizes"] == {name: getattr(model.lobes, name).shape[-1] for name in names}
-    assert entry["errors"] == {key: value for key, value in model.errors.items() if np.isfinite(value)}
+    errors = {key: value for key, value in model.errors.items() if np.isfinite(value)}
+    assert entry["errors"] == pytest.approx(errors, rel=1e-5)
     floats = numbers(part(text, "floats"), "<f4")
     expected = np.concatenate([values.ravel() for values in model.lobes.parts])
     np.testing.assert_array_equal(floats[: expected.size], expected.astype(np.float32))
     assert set(json.loads(part(text, "shaders"))) >= {"constants", "dsbrdf", "sphere"}
+
+
+def entries(packed):
+    return json.loads(zlib.decompress(base64.b64decode(packed.materials)))["materials"]
 
 
 def test_the_page_needs_nothing_else(model):
@@ -68,13 +79,12 @@ def test_a_name_cannot_end_the_script(model):
     name = "</script><script>alert(1)//"
     text = page(model.replace(name=name))
     assert name not in text
-    assert json.loads(part(text, "meta"))["materials"][0]["name"] == name
+    assert described(text)[0]["name"] == name
 
 
 def test_names_are_told_apart(model):
     nameless = model.replace(name="")
-    meta = json.loads(part(page([model, model, nameless, nameless]), "meta"))
-    names = [entry["name"] for entry in meta["materials"]]
+    names = [entry["name"] for entry in described(page([model, model, nameless, nameless]))]
     assert names == ["rough-gold", "rough-gold (2)", "unnamed", "unnamed (2)"]
 
 
@@ -83,10 +93,11 @@ def test_measured_points_give_way(model):
     assert whole.thinning == 1
     halved = data.pack([model], whole.size - 1000)
     assert halved.thinning == 2
-    assert halved.materials[0]["profile"]["shape"][:2] == [18, 45]
+    assert entries(halved)[0]["profile"]["shape"][:2] == [18, 45]
     without = data.pack([model], 0)
-    assert (without.thinning, "profile" in without.materials[0]) == (0, False)
+    assert (without.thinning, "profile" in entries(without)[0]) == (0, False)
     assert numbers(without.words, "<u2").size == 0
+    assert data.pack([model.replace(profile=None)], 0).thinning is None
 
 
 def test_rounding_is_as_stated(model):
@@ -104,7 +115,7 @@ def test_a_profile_whose_angles_differ(model):
     theta_h = model.profile.theta_h + 1e-3 * np.arange(18)[:, None]
     profile = MeasuredProfile(model.profile.theta_d, theta_h, model.profile.mean, model.profile.amplitude)
     packed = data.pack([dataclasses.replace(model, profile=profile)], 10**6)
-    assert packed.materials[0]["profile"]["shape"] == [18, 90, 18]
+    assert entries(packed)[0]["profile"]["shape"] == [18, 90, 18]
 
 
 def test_no_model():
@@ -115,35 +126,46 @@ def test_no_model():
 def test_other_channels(model):
     one = model.lobes.replace(colour=model.lobes.colour[:1])
     single = dsbrdf.DSBRDF(one, name="one")
-    meta = json.loads(part(page([single, single, single]), "meta"))
-    assert (meta["materials"][0]["channels"], meta["materials"][0]["rgb"]) == (["value"], [0, 0, 0])
+    entry, *_ = described(page([single, single, single]))
+    assert (entry["channels"], entry["rgb"]) == (["value"], [[1.0], [1.0], [1.0]])
 
 
 @pytest.mark.parametrize(
-    ("channels", "rgb"),
+    "channels", [["b", "g", "r"], ["value"], ["450nm", "550nm", "650nm"], ["X", "Y", "Z"]]
+)
+def test_channels_are_shown_in_their_colours(channels):
+    weights, is_true = data.rgb_weights(channels)
+    assert is_true
+    np.testing.assert_array_equal(weights, colour.rgb_weights(channels))
+
+
+@pytest.mark.parametrize(
+    ("channels", "shown"),
     [
-        (["r", "g", "b"], [0, 1, 2]),
-        (["value"], [0, 0, 0]),
-        ([f"{nm}" for nm in range(400, 710, 10)], [21, 15, 6]),
-        (["460nm", "545.5nm", "610nm", "700nm"], [2, 1, 0]),
         (["a", "b", "c", "d", "e"], [4, 2, 0]),
         (["0", "1", "2", "3"], [3, 1, 0]),
+        (["p", "q", "s"], [0, 1, 2]),
+        (["900nm", "1000nm"], [1, 0, 0]),
     ],
 )
-def test_channels_shown_as_colours(channels, rgb):
-    assert data.rgb_channels(channels) == rgb
+def test_channels_that_tell_no_colour(model, channels, shown):
+    weights, is_true = data.rgb_weights(channels)
+    assert not is_true
+    np.testing.assert_array_equal(weights, np.eye(len(channels))[shown])
+    lobes = model.lobes.replace(colour=model.lobes.colour[np.zeros(len(channels), int)])
+    assert described(page(dsbrdf.DSBRDF(lobes, channels)))[0]["falseColours"]
 
 
 def test_the_map_puts_likes_together(model):
     dimmer = changed(model, kappa=0.98)
     other = changed(model, gamma=20.0)
-    places, text = layout.place([model, dimmer, other])
-    at = np.array([place["position"] for place in places])
-    distance = np.hypot(*(at[:, None] - at).transpose(2, 0, 1))
+    places = layout.place([model, dimmer, other])
+    distance = np.hypot(*(places.at[:, None] - places.at).transpose(2, 0, 1))
     assert distance[0, 1] < 0.5 * min(distance[0, 2], distance[1, 2])
     assert distance[0, 1] > 0.5 * layout.GAP
-    assert "logarithm of reflectance" in text
-    assert layout.place([model, other]) == ([{}, {}], None)
+    assert "logarithm of reflectance" in places.about
+    assert layout.place([model]) is None
+    assert sorted(layout.place([model, other]).at[:, 0]) == [0.0, 1.0]
 
 
 def test_the_map_of_a_space(model):
@@ -151,9 +173,29 @@ def test_the_map_of_a_space(model):
 
     models = [model, changed(model, kappa=0.8), changed(model, gamma=3.0)]
     space = build_space(models)
-    places, text = layout.place(models, space)
-    np.testing.assert_allclose([place["scores"] for place in places], space.fpca.scores[:, :2], atol=1e-3)
-    assert "scores of the space" in text
+    places = layout.place(models, space)
+    n = places.coordinates.shape[1]
+    np.testing.assert_allclose(places.coordinates, space.fpca.scores[:, :n])
+    assert "scores of the space" in places.about
+    text = page(models, space=space)
+    found = numbers(part(text, "floats"), "<f4")[: 3 * (2 + n)].reshape(3, 2 + n)
+    np.testing.assert_allclose(found, np.hstack([places.at, places.coordinates]), rtol=1e-6)
+
+
+def test_a_material_of_a_collection_takes_few_bytes(model, rng):
+    """Names, errors and numbers of hundreds; what they have in common is there once."""
+    lobes = model.lobes
+    models = [
+        model.replace(
+            name=f"material {i}",
+            profile=None,
+            lobes=lobes.replace(scale=lobes.scale + rng.normal(0, 1, (2, 1))),
+        )
+        for i in range(300)
+    ]
+    one, many = page(models[:2]), page(models)
+    # Of 36 numbers in single precision, ten for the map, errors and a hash
+    assert (len(many) - len(one)) / 298 < 450
 
 
 def test_modules_are_put_in_order(monkeypatch):
@@ -175,6 +217,23 @@ def test_other_forms_of_import_are_refused(monkeypatch, line):
     monkeypatch.setattr(script, "_read", lambda _: f"{line}\n")
     with pytest.raises(ValueError, match=re.escape(f"main.js: {line!r} is no form of import or export")):
         script.bundle()
+
+
+def test_what_is_written_is_minified(model):
+    text = page(model)
+    whole = script.bundle()
+    small = script.minified()
+    assert small in text
+    assert len(small) < 0.75 * len(whole)
+    shaders = json.loads(part(text, "shaders"))
+    sources = shader.sources()
+    assert shaders["dsbrdf"] == sources["dsbrdf"]
+    assert len(shaders["sphere"]) < 0.75 * len(sources["sphere"])
+
+
+def test_the_minifier_can_read_the_scripts():
+    """It knows no template literal inside of another."""
+    assert not re.findall(r"`[^`]*\$\{[^}`]*`", script.bundle())
 
 
 def test_notebooks_show_the_page(model):
@@ -220,7 +279,7 @@ def test_command(model, tmp_path, capsys):
 def test_fit_writes_the_page(tmp_path, capsys):
     assert cli.main(["fit", "matte", "--lobes", "1", "--view", "-o", str(tmp_path / "fit")]) == 0
     text = (tmp_path / "fit" / collect.PAGE).read_text()
-    assert json.loads(part(text, "meta"))["materials"][0]["name"] == "matte"
+    assert described(text)[0]["name"] == "matte"
     assert cli.main(["fit", "matte", "--view"]) == 2
     assert "the page needs a folder: add -o DIR" in capsys.readouterr().err
 

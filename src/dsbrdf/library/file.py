@@ -21,6 +21,7 @@ import json
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,11 @@ class Library:
         return len(self.names)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.names
+        return name in self._places
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.names)}
 
     def load(self, name: str) -> DSBRDF:
         """A material.
@@ -94,13 +99,13 @@ class Library:
         OSError
             If the file cannot be read.
         """
-        if name not in self.names:
+        at = self._places.get(name)
+        if at is None:
             near = difflib.get_close_matches(name, self.names, n=3)
             hint = f" Near are {', '.join(near)}." if near else ""
             raise ValueError(
                 f"{self.path.name}: no material {name!r:.60} among the {len(self)} of this library.{hint}"
             )
-        at = self.names.index(name)
         start, end = map(int, self.starts[at : at + 2])
         with self.path.open("rb") as file:
             file.seek(start)

@@ -7,6 +7,7 @@ import json
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.model.lobes import SHARED
 
-__all__ = ["Packed", "pack", "rgb_channels"]
+__all__ = ["Packed", "pack", "rgb_weights"]
 
 #: Measured means are kept as logarithms in so many steps over so many decades; ROUNDING is the error relative to them.
 DECADES, STEPS = 6, 2**14
@@ -26,9 +27,8 @@ ROUNDING = 0.5 * DECADES * np.log(10.0) / STEPS
 RATIO_STEPS, MAX_RATIO = 127, 8.0
 #: Every theta_h of the measurement, or every second, ... or none, whichever comes first within the budget.
 THINNING = (1, 2, 3, 0)
-#: Wavelengths in nm that look red, green and blue, and what names of channels are wavelengths.
-RGB_NM = (610.0, 550.0, 460.0)
-VISIBLE = (380.0, 780.0)
+#: Digits of errors and of weights of colours.
+DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -37,77 +37,109 @@ class Packed:
 
     Parameters
     ----------
-    materials : list of dict
-        One entry a material for the page's JSON: its name, channels, sizes of curves, errors and origin.
+    materials : str
+        Base64 of deflated JSON: "kinds", what many materials have in common (channels, sizes of curves, options of the
+        fit), and "materials", an entry each: name, kind, errors, origin.
     floats, words : str
         Base64 of deflated float32 and uint16, bytes sorted by significance.
-    thinning : int
-        Which theta_h of the measurement are there: each, every second, ...; 0 is none.
+    thinning : int or None
+        Which theta_h of the measurement are there: each, every second, ...; 0 is none, None that there were none.
     """
 
-    materials: list[dict[str, Any]]
+    materials: str
     floats: str
     words: str
-    thinning: int
+    thinning: int | None
 
     @property
     def size(self) -> int:
-        """About the characters that all this takes."""
-        return len(self.floats) + len(self.words) + len(json.dumps(self.materials, separators=(",", ":")))
+        """Characters that all this takes."""
+        return len(self.materials) + len(self.floats) + len(self.words)
 
 
-def pack(models: Sequence[DSBRDF], budget: int) -> Packed:
-    """Pack models, and as much of what was measured as fits in `budget` characters."""
-    for thinning in THINNING:
-        floats: list[NDArray[np.float32]] = []
+def pack(models: Sequence[DSBRDF], budget: int, places: NDArray[np.float64] | None = None) -> Packed:
+    """Pack models, and as much of what was measured as fits in `budget` characters.
+
+    Rows of `places` (material, number) are put in front of the models' own numbers.
+    """
+    is_measured = any(model.profile is not None for model in models)
+    for thinning in THINNING if is_measured else (None,):
+        floats = [] if places is None else [_single(places)]
         words: list[NDArray[np.uint16]] = []
-        entries = [_pack_material(model, thinning, floats, words) for model in models]
-        packed = Packed(entries, _deflate(floats, np.float32), _deflate(words, np.uint16), thinning)
+        kinds: dict[str, int] = {}
+        entries = [_pack_material(model, thinning, kinds, floats, words) for model in models]
+        text = f'{{"kinds":[{",".join(kinds)}],"materials":{_json(entries)}}}'
+        packed = Packed(
+            _deflate(text.encode()),
+            _deflate_sorted(floats, np.float32),
+            _deflate_sorted(words, np.uint16),
+            thinning,
+        )
         if packed.size <= budget:
             break
     return packed
 
 
-def _deflate(arrays: Sequence[NDArray[Any]], dtype: type) -> str:
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+
+
+def _deflate(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+def _deflate_sorted(arrays: Sequence[NDArray[Any]], dtype: type) -> str:
     numbers = np.concatenate([np.empty(0, dtype), *arrays])
     planes = numbers.astype(numbers.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, numbers.itemsize).T
-    return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii")
+    return _deflate(planes.tobytes())
 
 
 def _pack_material(
-    model: DSBRDF, thinning: int, floats: list[NDArray[np.float32]], words: list[NDArray[np.uint16]]
+    model: DSBRDF,
+    thinning: int | None,
+    kinds: dict[str, int],
+    floats: list[NDArray[np.float32]],
+    words: list[NDArray[np.uint16]],
 ) -> dict[str, Any]:
     lobes = model.lobes.numpy
     floats += [_single(part) for part in lobes.parts]
-    entry: dict[str, Any] = {
-        "name": model.name,
+    kind = {
         "channels": list(model.channels),
-        "rgb": rgb_channels(model.channels),
         "lobes": model.n_lobes,
         "sizes": {name: getattr(lobes, name).shape[-1] for name in (*SHARED, "colour")},
-        "errors": {key: value for key, value in model.errors.items() if np.isfinite(value)},
-        "source": model.source.to_json(),
         "fit": dict(model.fit_options),
+        **_colours(model.channels),
     }
+    entry: dict[str, Any] = {"name": model.name, "kind": kinds.setdefault(_json(kind), len(kinds))}
+    if errors := {key: _rounded(value) for key, value in model.errors.items() if np.isfinite(value)}:
+        entry["errors"] = errors
+    entry["source"] = model.source.to_json()
     if thinning and model.profile is not None:
         entry["profile"] = _pack_profile(model.profile, thinning, floats, words)
     return entry
 
 
-def rgb_channels(names: Sequence[str]) -> list[int]:
-    """Which channels are shown as red, green and blue.
+def rgb_weights(names: Sequence[str]) -> tuple[NDArray[np.float64], bool]:
+    """Weights (3, channel) of red, green and blue, and whether these are the channels' own colours.
 
-    Those three, where there are three; of wavelengths in nm those nearest to what looks so; else the last, the middle
-    and the first one.
+    Where their names tell no colour, three channels stand for red, green and blue; of others the last, the middle and
+    the first one.
     """
-    n = len(names)
-    if n == len(RGB_NM):
-        return list(range(n))
-    wavelengths = np.array([colour.wavelength(name) or np.nan for name in names])
-    # NaN, of a name that is no wavelength, is in no range
-    if n > 1 and VISIBLE[0] < wavelengths.mean() < VISIBLE[1]:
-        return [int(np.abs(wavelengths - nm).argmin()) for nm in RGB_NM]
-    return [n - 1, (n - 1) // 2, 0]
+    try:
+        return colour.rgb_weights(names), True
+    except ValueError:
+        n = len(names)
+        return np.eye(n)[range(3) if n == 3 else [n - 1, (n - 1) // 2, 0]], False
+
+
+@lru_cache(maxsize=64)
+def _colours(names: tuple[str, ...]) -> dict[str, Any]:
+    weights, is_true = rgb_weights(names)
+    return {"rgb": [[_rounded(value) for value in row] for row in weights], "falseColours": not is_true}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _single(values: Any) -> NDArray[np.float32]:

@@ -1,62 +1,87 @@
-"""Where materials lie on the page's map."""
+"""Where materials lie on the page's map, and in the coordinates in which it finds the nearest ones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf.geometry import half_diff
 from dsbrdf.model.dsbrdf import DSBRDF
 
 if TYPE_CHECKING:
     from dsbrdf.space import MaterialSpace
 
-__all__ = ["place"]
+__all__ = ["Places", "likeness", "place"]
 
-#: Fewer materials stand in a row.
-MIN_MATERIALS = 3
+Array = NDArray[np.float64]
+
 #: Angles in degrees at which reflectances are compared, and what is added before the logarithm, 1/sr.
 THETA_H = (0.5, 2.0, 5.0, 10.0, 20.0, 35.0, 55.0)
 THETA_D = (5.0, 25.0, 45.0, 65.0)
 OFFSET = 1e-3
+#: Coordinates that the page carries of a material, at most.
+N_COORDINATES = 8
 #: The axis that varies less is drawn so many times wider than the other, at most.
 MAX_STRETCH = 3.0
-#: Distance at which pictures do not overlap, in widths of the map, and rounds of pushing.
-GAP, ROUNDS = 0.07, 60
+#: Distance at which pictures do not overlap, in widths of the map, rounds of pushing, and for how many materials.
+GAP, ROUNDS, MOST_APART = 0.07, 60, 120
 
 
-def place(
-    models: Sequence[DSBRDF], space: MaterialSpace | None = None
-) -> tuple[list[dict[str, Any]], str | None]:
-    """Position of each model, x and y in [0, 1], and what the map shows; None for models in a row.
+@dataclass(frozen=True)
+class Places:
+    """Materials on a map.
+
+    Parameters
+    ----------
+    at : (material, 2) ndarray
+        x and y in [0, 1].
+    coordinates : (material, coordinate) ndarray
+        Near in them is alike.
+    about, distance : str
+        What the map shows, and what nearness is, in a line each.
+    """
+
+    at: Array
+    coordinates: Array
+    about: str
+    distance: str
+
+
+def place(models: Sequence[DSBRDF], space: MaterialSpace | None = None) -> Places | None:
+    """Where each model lies; None for a single one.
 
     Raises
     ------
     ValueError
         If a model does not go into the space.
     """
+    if len(models) < 2:
+        return None
     if space is not None:
-        scores = np.array([space.scores(model)[:2] for model in models])
+        coordinates = np.array([space.scores(model)[:N_COORDINATES] for model in models])
         first, second = 100.0 * space.fpca.explained[:2]
-        text = f"Places: the first two scores of the space ({first:.0f} % and {second:.0f} % of its variance)"
-    elif len(models) >= MIN_MATERIALS:
-        scores = likeness(models)
-        text = "Near each other: alike in the logarithm of reflectance (two principal components)"
+        about = (
+            f"Places: the first two scores of the space ({first:.0f} % and {second:.0f} % of its variance)"
+        )
+        distance = f"Distance in the first {coordinates.shape[1]} scores of the space."
     else:
-        return [{} for _ in models], None
+        coordinates = likeness(models)
+        about = "Near each other: alike in the logarithm of reflectance (two principal components)"
+        distance = f"Distance in {coordinates.shape[1]} principal components of the logarithm of reflectance."
+    scores = coordinates[:, :2]
     low, high = scores.min(0), scores.max(0)
     width = np.maximum(high - low, max(float((high - low).max()) / MAX_STRETCH, 1e-12))
-    at = _apart(0.5 + (scores - 0.5 * (low + high)) / width)
-    places: list[dict[str, Any]] = [{"position": [round(float(x), 4) for x in point]} for point in at]
-    if space is not None:
-        for place, score in zip(places, scores, strict=True):
-            place["scores"] = [round(float(x), 4) for x in score]
-    return places, f"{text}, moved apart where pictures would overlap."
+    at = 0.5 + (scores - 0.5 * (low + high)) / width
+    if len(models) <= MOST_APART:
+        at, about = _apart(at), f"{about}, moved apart where pictures would overlap"
+    return Places(at, coordinates, f"{about}.", distance)
 
 
-def _apart(at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _apart(at: Array) -> Array:
     """Points (model, 2) within [0, 1] pushed apart where pictures would hide each other."""
     at = at.copy()
     for _ in range(ROUNDS):
@@ -68,18 +93,18 @@ def _apart(at: NDArray[np.float64]) -> NDArray[np.float64]:
     return at
 
 
-def likeness(models: Sequence[DSBRDF]) -> NDArray[np.float64]:
-    """Two principal components (model, 2) of the logarithm of reflectance over channels and angles."""
+def likeness(models: Sequence[DSBRDF]) -> Array:
+    """Principal components (model, coordinate) of the logarithm of reflectance over channels and angles."""
     theta_h, theta_d = np.meshgrid(np.deg2rad(THETA_H), np.deg2rad(THETA_D))
-    across = np.pi / 2
-    values = [np.asarray(model.eval_angles(theta_h, theta_d, across)) for model in models]
-    # Any number of channels: their mean, and the first and last against it
-    means = [np.log(value.mean(-1) + OFFSET) for value in values]
-    colours = [
-        np.log(value[..., [0, -1]] + OFFSET) - mean[..., None]
-        for value, mean in zip(values, means, strict=True)
-    ]
-    features = np.array([np.concatenate([m.ravel(), c.ravel()]) for m, c in zip(means, colours, strict=True)])
-    u, s, _ = np.linalg.svd(features - features.mean(0), full_matrices=False)
-    scores: NDArray[np.float64] = u[:, :2] * s[:2]
+    directions = half_diff.to_directions(theta_h.ravel(), theta_d.ravel(), np.pi / 2)
+    features = []
+    for model in models:
+        value = np.asarray(model.eval(*directions))
+        # Any number of channels: their mean, and the first and last against it
+        mean = np.log(value.mean(-1) + OFFSET)
+        colours = np.log(value[:, [0, -1]] + OFFSET) - mean[:, None]
+        features.append(np.concatenate([mean, colours.ravel()]))
+    centred = np.array(features) - np.mean(features, 0)
+    u, s, _ = np.linalg.svd(centred, full_matrices=False)
+    scores: Array = u[:, :N_COORDINATES] * s[:N_COORDINATES]
     return scores

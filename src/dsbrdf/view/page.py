@@ -10,6 +10,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dsbrdf import _files, shader
 from dsbrdf.geometry import half_diff
 from dsbrdf.model import components, evaluation, lobes, sampling, sphere
@@ -17,7 +19,7 @@ from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space import variables
 from dsbrdf.view import data, layout
-from dsbrdf.view.script import bundle
+from dsbrdf.view.script import minified
 
 if TYPE_CHECKING:
     from dsbrdf.space import MaterialSpace
@@ -28,8 +30,10 @@ __all__ = ["constants", "frame", "page", "view"]
 MAX_BYTES = 1_000_000
 #: Places in the template.
 _MARK = re.compile(r"(?:/\*|<!--)\{(\w+)\}(?:\*/|-->)")
-#: For what is not counted before: places on the map, and a few constants.
-RESERVE = 20_000
+#: For what is not counted before: a few constants.
+RESERVE = 5_000
+#: Shaders that the page also offers as a download.
+KEPT = ("constants", "dsbrdf")
 
 
 def view(models: DSBRDF | Sequence[DSBRDF], path: str | Path, *, space: MaterialSpace | None = None) -> None:
@@ -79,14 +83,14 @@ def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = Non
         raise ValueError("'models' must hold at least one model, got none.")
     # Marks and what comes between them, so that nothing that is put in is searched for marks
     pieces = _MARK.split(_read("template.html"))
-    parts = {"style": _read("style.css"), "script": bundle(), "shaders": _json(shader.sources())}
+    parts = {"style": _dense(_read("style.css")), "script": minified(), "shaders": _json(_shaders())}
     fixed = sum(len(part.encode()) for part in (*pieces[::2], *parts.values()))
-    packed = data.pack(models, MAX_BYTES - RESERVE - fixed)
-    places, description = layout.place(models, space)
-    for entry, place in zip(packed.materials, places, strict=True):
-        entry |= place
+    places = layout.place(models, space)
+    numbers = None if places is None else np.hstack([places.at, places.coordinates])
+    packed = data.pack(models, MAX_BYTES - RESERVE - fixed, numbers)
     parts |= {
-        "meta": _json(_meta(packed, description)),
+        "meta": _json(_meta(places, space is not None)),
+        "materials": packed.materials,
         "floats": packed.floats,
         "words": packed.words,
         "about": html.escape(_about(packed)),
@@ -120,10 +124,27 @@ def _named(models: Sequence[DSBRDF]) -> list[DSBRDF]:
     return named
 
 
-def _meta(packed: data.Packed, description: str | None) -> dict[str, Any]:
+def _shaders() -> dict[str, str]:
+    """Sources of the shaders; what is offered as a download keeps its comments."""
+    import rjsmin
+
+    return {name: text if name in KEPT else rjsmin.jsmin(text) for name, text in shader.sources().items()}
+
+
+def _dense(style: str) -> str:
+    """A style sheet without comments and indentation."""
+    return re.sub(r"\s*\n\s*", "\n", re.sub(r"/\*.*?\*/", "", style, flags=re.DOTALL))
+
+
+def _meta(places: layout.Places | None, in_space: bool) -> dict[str, Any]:
     return {
-        "materials": packed.materials,
-        "space": None if description is None else {"description": description},
+        "map": places
+        and {
+            "coordinates": places.coordinates.shape[1],
+            "about": places.about,
+            "distance": places.distance,
+            "scores": in_space,
+        },
         "constants": constants(),
         "quantised": {"decades": data.DECADES, "steps": data.STEPS, "ratioSteps": data.RATIO_STEPS},
         "lights": sphere.LIGHTS,
@@ -162,10 +183,11 @@ def _about(packed: data.Packed) -> str:
 
     rounding = f"rounded to {100 * data.ROUNDING:.2f} %"
     measured = {
+        None: "",
         0: "Measured points are left out, to keep the page small.",
         1: f"Measured points are {rounding}.",
     }.get(packed.thinning, f"Of the measured points, one in {packed.thinning} is here, {rounding}.")
-    return f"Written by dsbrdf {__version__}. Parameters are in single precision. {measured}"
+    return f"Written by dsbrdf {__version__}. Parameters are in single precision. {measured}".rstrip()
 
 
 def _read(name: str) -> str:

@@ -17,8 +17,15 @@ export function channelColour(model, channel) {
   const name = channelNames(model)[channel];
   if (model.nChannels === 3 && Object.values(WORDS).includes(name)) return `var(--${name})`;
   if (model.nChannels === 1) return "var(--ink)";
-  const hue = 260 - (220 * channel) / (model.nChannels - 1);
+  const hue = 260 - (220 * rankOf(model, channel)) / (model.nChannels - 1);
   return `light-dark(hsl(${hue} 55% 42%), hsl(${hue} 55% 68%))`;
+}
+
+/** Channels named after wavelengths in their order, others as they come. */
+function rankOf({ channels }, channel) {
+  const numbers = channels.map(Number.parseFloat);
+  if (numbers.some(Number.isNaN)) return channel;
+  return numbers.filter((number) => number < numbers[channel]).length;
 }
 
 export const lobeColour = (lobe) => `var(--lobe-${lobe % LOBE_COUNT})`;

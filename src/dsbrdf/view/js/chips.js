@@ -19,13 +19,16 @@ const LIT = 0.6;
 const ROOM = 0.4;
 const N_THETA_H = 64;
 const N_PHI = 6;
+/** Radians from the normal at which the room is seen. */
+const ROOM_ANGLE = Math.PI / 6;
+const display = (value) => 255 * Math.min(1, value) ** (1 / 2.2);
 
-/** Values across and along the plane of incidence at even steps of the square root of theta_h. */
+/** Colours across and along the plane of incidence at even steps of the square root of theta_h. */
 function tabulate(model, { cosD }) {
   const thetaD = Math.acos(Math.min(1, cosD));
   return [-1, 1].map((cos2Phi) =>
     Array.from({ length: N_THETA_H }, (_, i) =>
-      evaluate(model, (Math.PI / 2) * (i / (N_THETA_H - 1)) ** 2, thetaD, cos2Phi),
+      asRgb(model, evaluate(model, (Math.PI / 2) * (i / (N_THETA_H - 1)) ** 2, thetaD, cos2Phi)),
     ),
   );
 }
@@ -39,7 +42,7 @@ function addLight(radiance, normal, [across, along], { light, irradiance, half, 
   const share = sines > 1e-9 ? Math.min(1, ((cosH * cosD - cosI) / sines) ** 2) : 0.5;
   const at = Math.sqrt(Math.acos(cosH) / (Math.PI / 2)) * (N_THETA_H - 1);
   const low = Math.min(Math.floor(at), N_THETA_H - 2);
-  for (let c = 0; c < radiance.length; c++) {
+  for (let c = 0; c < 3; c++) {
     const lower = across[low][c] + share * (along[low][c] - across[low][c]);
     const upper = across[low + 1][c] + share * (along[low + 1][c] - across[low + 1][c]);
     radiance[c] += irradiance * cosI * (lower + (at - low) * (upper - lower));
@@ -49,10 +52,10 @@ function addLight(radiance, normal, [across, along], { light, irradiance, half, 
 /** Draw a material as a sphere on `canvas`, `size` pixels wide; a perfect diffuser is white. */
 export function drawChip(canvas, model, size) {
   canvas.width = canvas.height = size;
-  const room = albedo(model, Math.PI / 6, N_PHI).map((value) => (ROOM * value) / (LIT * Math.PI));
+  const room = asRgb(model, albedo(model, ROOM_ANGLE, N_PHI)).map((value) => (ROOM * value) / (LIT * Math.PI));
   const tables = LIGHTS.map((light) => tabulate(model, light));
   const image = new ImageData(size, size);
-  const radiance = new Float64Array(model.nChannels);
+  const radiance = new Float64Array(3);
   for (let i = 0; i < size * size; i++) {
     const x = (2 * ((i % size) + 0.5)) / size - 1;
     const y = 1 - (2 * (Math.floor(i / size) + 0.5)) / size;
@@ -60,10 +63,25 @@ export function drawChip(canvas, model, size) {
     if (z2 <= 0) continue;
     radiance.set(room);
     LIGHTS.forEach((light, j) => addLight(radiance, [x, y, Math.sqrt(z2)], tables[j], light));
-    asRgb(model, radiance).forEach((value, c) => {
-      image.data[4 * i + c] = 255 * Math.min(1, LIT * Math.PI * value) ** (1 / 2.2);
-    });
+    for (let c = 0; c < 3; c++) image.data[4 * i + c] = display(LIT * Math.PI * radiance[c]);
     image.data[4 * i + 3] = 255;
   }
   canvas.getContext("2d").putImageData(image, 0, 0);
+}
+
+/** theta_h and weights of a few nodes, denser toward the pole; beyond, what is reflected goes below the horizon. */
+const FEW_NODES = Array.from({ length: 8 }, (_, i) => {
+  const u = (i + 0.5) / 8;
+  const thetaH = (Math.PI / 4) * u * u;
+  const solidAngle = 2 * Math.PI * Math.sin(thetaH) * (Math.PI / 4) * 2 * u * (1 / 8);
+  return { thetaH, weight: solidAngle * 4 * Math.cos(ROOM_ANGLE) * Math.cos(2 * thetaH) };
+});
+
+/** The colour of a material as a point: about its albedo, of the values at one theta_d. */
+export function pointColour(model) {
+  const total = new Float64Array(model.nChannels);
+  for (const { thetaH, weight } of FEW_NODES) {
+    evaluate(model, thetaH, ROOM_ANGLE, 0).forEach((value, c) => (total[c] += weight * value));
+  }
+  return `rgb(${asRgb(model, total).map(display).map(Math.round).join()})`;
 }

@@ -18,7 +18,7 @@ export function curvesAt(coefficients, size, x) {
 }
 
 /** cos(theta_d) at even theta_d, over which curves of different sizes are brought near each other. */
-const PLACES = Array.from({ length: 90 }, (_, i) => Math.cos((Math.PI * (i + 0.5)) / 180));
+export const PLACES = Array.from({ length: 90 }, (_, i) => Math.cos((Math.PI * (i + 0.5)) / 180));
 
 /** Values (place, function) of the functions of a curve: those of curves with one coefficient 1 and the others 0. */
 function design(size) {
@@ -40,15 +40,24 @@ function solve(matrix, right) {
   return rows.map((row) => row.slice(matrix.length));
 }
 
+/** Coefficients, `size` a curve, of the curves nearest to rows of values at `PLACES`. */
+export function nearestCurves(rows, size) {
+  const functions = design(size);
+  const transposed = functions[0].map((_, i) => functions.map((at) => at[i]));
+  const product = transposed.map((a) => transposed.map((b) => a.reduce((sum, x, p) => sum + x * b[p], 0)));
+  const matrix = solve(product, transposed);
+  return Float64Array.from({ length: rows.length * size }, (_, i) => {
+    const values = rows[Math.floor(i / size)];
+    return matrix[i % size].reduce((sum, factor, p) => sum + factor * values[p], 0);
+  });
+}
+
 /** Curves of `from` coefficients each as the nearest ones of `to`; exactly, where these can. */
 export function resized(coefficients, from, to) {
   if (from === to) return Float64Array.from(coefficients);
-  const [old, wanted] = [design(from), design(to)];
-  const product = (a, b) =>
-    a[0].map((_, i) => b[0].map((__, j) => PLACES.reduce((sum, ___, p) => sum + a[p][i] * b[p][j], 0)));
-  const matrix = solve(product(wanted, wanted), product(wanted, old));
-  return Float64Array.from({ length: (coefficients.length / from) * to }, (_, i) => {
-    const start = Math.floor(i / to) * from;
-    return matrix[i % to].reduce((sum, factor, j) => sum + factor * coefficients[start + j], 0);
-  });
+  const values = PLACES.map((x) => curvesAt(coefficients, from, x));
+  return nearestCurves(
+    Array.from(values[0], (_, row) => values.map((at) => at[row])),
+    to,
+  );
 }

@@ -1,4 +1,4 @@
-// The materials that the page carries: numbers as deflated bytes in base64, names and errors as JSON.
+// The materials that the page carries: numbers, and names and errors as JSON, all as deflated bytes in base64.
 
 import { SHARED } from "./material.js";
 import { meta } from "./meta.js";
@@ -57,20 +57,32 @@ function readProfile(entry, nChannels, floats, words) {
   return { thetaD, thetaH, nSlices, nThetaH, nChannels, thetaHRows: nRows, mean, amplitude };
 }
 
-function readMaterial(entry, floats, words) {
-  const { lobes: nLobes, channels, sizes } = entry;
+function readMaterial(entry, kinds, floats, words) {
+  const kind = kinds[entry.kind];
+  const { lobes: nLobes, channels, sizes } = kind;
   const nChannels = channels.length;
   const shared = SHARED.map((key) => [key, floats.take(nLobes * sizes[key])]);
   const colour = floats.take(nChannels * nLobes * sizes.colour);
   const profile = entry.profile ? readProfile(entry.profile, nChannels, floats, words) : null;
-  return { ...entry, nLobes, nChannels, ...Object.fromEntries(shared), colour, profile };
+  return { errors: {}, ...entry, ...kind, nLobes, nChannels, ...Object.fromEntries(shared), colour, profile };
 }
 
 const floatReader = new Reader(new Float32Array(interleave(await inflate("floats"), 4)));
 const wordReader = new Reader(new Uint16Array(interleave(await inflate("words"), 2)));
+const described = JSON.parse(new TextDecoder().decode(await inflate("materials")));
 
-export const materials = meta.materials.map((entry) => readMaterial(entry, floatReader, wordReader));
-
-export function indexOfMaterial(name) {
-  return materials.findIndex((material) => material.name === name);
+/** Of each material its place on the map, x and y in [0, 1], and its coordinates, near in which is alike. */
+export const places = [];
+if (meta.map) {
+  for (const { name } of described.materials) {
+    places.push({ name, at: floatReader.take(2), coordinates: floatReader.take(meta.map.coordinates) });
+  }
 }
+
+export const materials = described.materials.map((entry) =>
+  readMaterial(entry, described.kinds, floatReader, wordReader),
+);
+const indices = new Map(materials.map(({ name }, i) => [name, i]));
+
+/** The index of a material; -1 where there is none. */
+export const indexOfMaterial = (name) => indices.get(name) ?? -1;

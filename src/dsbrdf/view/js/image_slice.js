@@ -4,7 +4,10 @@ import { asRgb, degrees, meanOverPhi } from "./material.js";
 import { formatNumber, withSubscripts } from "./plot.js";
 import { altersModel, baseModel, currentModel, setState, state, subscribe } from "./state.js";
 
+/** Cells across, and while something is dragged, until nothing has changed for some ms. */
 const SIZE = 90;
+const COARSE = 30;
+const REST = 150;
 const RIGHT = Math.PI / 2;
 /** Relative difference at which the scale of colours ends. */
 const FULL_DIFFERENCE = 0.2;
@@ -17,11 +20,12 @@ const figures = Object.fromEntries(
   ["measured", "fitted", "difference"].map((kind) => [kind, document.getElementById(`slice-${kind}`)]),
 );
 const readout = document.getElementById("slice-readout");
+let latest = -Infinity;
+let rest = 0;
 
 export function startImageSlice() {
   subscribe(showSlices);
   for (const [kind, canvas] of Object.entries(figures)) {
-    canvas.width = canvas.height = SIZE;
     canvas.addEventListener("pointermove", (event) => showCell(kind, event));
     canvas.addEventListener("pointerleave", () => (readout.textContent = ""));
     canvas.addEventListener("click", (event) =>
@@ -30,8 +34,8 @@ export function startImageSlice() {
   }
 }
 
-const columnAngle = (column) => RIGHT * ((column + 0.5) / SIZE) ** 2;
-const rowAngle = (row) => RIGHT * (1 - (row + 0.5) / SIZE);
+const columnAngle = (column, size) => RIGHT * ((column + 0.5) / size) ** 2;
+const rowAngle = (row, size) => RIGHT * (1 - (row + 0.5) / size);
 
 function cellAngles(canvas, event) {
   const box = canvas.getBoundingClientRect();
@@ -82,22 +86,29 @@ function differenceColour(measured, fitted) {
 }
 
 function showSlices(changed) {
-  if (altersModel(changed) || changed.has("exposure")) drawSlices();
+  if (altersModel(changed) || changed.has("exposure")) {
+    const now = performance.now();
+    const isOne = now - latest > REST;
+    clearTimeout(rest);
+    if (!isOne) rest = setTimeout(() => drawSlices(SIZE), REST);
+    drawSlices(isOne ? SIZE : COARSE);
+    latest = performance.now();
+  }
   for (const canvas of Object.values(figures)) {
     canvas.parentElement.style.setProperty("--here", `${100 * (1 - state.thetaD / 90)}%`);
   }
 }
 
-function drawSlices() {
+function drawSlices(size) {
   const model = currentModel();
   const { profile } = baseModel();
-  const images = Object.fromEntries(Object.keys(figures).map((kind) => [kind, new ImageData(SIZE, SIZE)]));
+  const images = Object.fromEntries(Object.keys(figures).map((kind) => [kind, new ImageData(size, size)]));
   const differences = new Map();
-  for (let row = 0; row < SIZE; row++) {
-    for (let column = 0; column < SIZE; column++) {
-      const [thetaH, thetaD] = [columnAngle(column), rowAngle(row)];
+  for (let row = 0; row < size; row++) {
+    for (let column = 0; column < size; column++) {
+      const [thetaH, thetaD] = [columnAngle(column, size), rowAngle(row, size)];
       const put = (kind, colour, opacity = 1) =>
-        images[kind].data.set([...colour, 255 * opacity], 4 * (row * SIZE + column));
+        images[kind].data.set([...colour, 255 * opacity], 4 * (row * size + column));
       const measured = profile && measuredAt(profile, thetaH, thetaD);
       put(
         "fitted",
@@ -115,6 +126,7 @@ function drawSlices() {
     }
   }
   for (const [kind, canvas] of Object.entries(figures)) {
+    canvas.width = canvas.height = size;
     canvas.getContext("2d").putImageData(images[kind], 0, 0);
     canvas.closest("figure").hidden = kind !== "fitted" && !profile;
   }

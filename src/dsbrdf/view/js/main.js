@@ -5,35 +5,37 @@ import { bakedGlsl } from "./baked_glsl.js";
 import { channelNames, shownChannels } from "./channels.js";
 import { components } from "./components.js";
 import { startCurves } from "./curves.js";
-import { indexOfMaterial, materials } from "./data.js";
+import { materials } from "./data.js";
 import { startDownloads } from "./download.js";
 import { startImageSlice } from "./image_slice.js";
 import { startLobes } from "./lobes.js";
-import { startMap } from "./map.js";
+import { mapState, startMap } from "./map.js";
+import { nearest, startNearest } from "./nearest.js";
 import { startParameters } from "./parameters.js";
 import { evaluate, meanOverPhi, SHARED } from "./material.js";
 import { meta } from "./meta.js";
 import { formatNumber, html } from "./plot.js";
+import { search, searchField } from "./search.js";
 import { startSphere } from "./sphere_panel.js";
 import { baseModel, currentModel, readFragment, setState, state, subscribe } from "./state.js";
 
 /** More channels than this are in a list. */
 const MOST_BUTTONS = 4;
-const materialSelect = document.getElementById("material");
+const materialField = document.getElementById("material");
 const channels = document.getElementById("channels");
 
 function startHeader() {
-  materialSelect.append(...materials.map(({ name }) => html("option", { value: name }, name)));
-  materialSelect.addEventListener("change", () =>
-    setState({ material: indexOfMaterial(materialSelect.value) }),
-  );
+  const show = searchField(materialField, {
+    current: () => state.material,
+    pick: (material) => setState({ material }),
+  });
   subscribe(showHeader);
+  subscribe((changed) => changed.has("material") && show());
   document.getElementById("theme").addEventListener("click", switchTheme);
 }
 
 function showHeader(changed) {
   const model = baseModel();
-  materialSelect.value = materials[state.material].name;
   document.title = `${model.name} · dsbrdf`;
   const count = (number, word) => `${number} ${word}${number === 1 ? "" : "s"}`;
   const facts = [
@@ -45,11 +47,15 @@ function showHeader(changed) {
     facts.push(`${key.replaceAll("_", " ")} ${formatNumber(value, 2)}`);
   }
   if (model !== materials[state.material]) facts.unshift(model.name);
+  if (model.falseColours) facts.push(`false colours: ${shownAsRgb(model).join(", ")} as red, green, blue`);
   document.getElementById("facts").textContent = facts.join(" · ");
   const { file, description } = model.source ?? {};
   document.getElementById("source").textContent = description || (file ? `fitted to ${file}` : "");
   if (changed.has("material") || changed.has("channel")) showChannels(model);
 }
+
+/** Names of the channels that stand for red, green and blue. */
+const shownAsRgb = ({ rgb, channels: names }) => rgb.map((weights) => names[weights.indexOf(1)]);
 
 /** How many numbers describe the reflectance; what all channels share of a colour is part of the scale. */
 function numbersOf({ nLobes, nChannels, sizes }) {
@@ -107,6 +113,7 @@ const shaders = JSON.parse(document.getElementById("shaders").textContent);
 startDownloads((model) => bakedGlsl(model, shaders));
 const sphere = startSphere(shaders);
 startMap();
+startNearest();
 subscribe(() => performance.mark("drawn"));
 readFragment();
 addEventListener("hashchange", readFragment);
@@ -123,4 +130,7 @@ window.dsbrdf = {
   albedo,
   components,
   currentModel,
+  mapState,
+  nearest,
+  search,
 };

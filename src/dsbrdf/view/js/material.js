@@ -1,11 +1,11 @@
 // Evaluation of a model in JavaScript, as dsbrdf.model.evaluation does it, and models made from others.
 //
-// A model: {name, channels: names, nChannels, nLobes, rgb: which three channels are red, green and blue,
-//   sizes: {scale, gamma, beta, falloff, colour}: coefficients of a curve; and by the same names Float32Array
+// A model: {name, channels: names, nChannels, nLobes, rgb: weights of the channels in red, green and blue,
+//   falseColours: whether they only stand for these; sizes: {scale, gamma, beta, falloff, colour}: coefficients of a curve; and by the same names Float32Array
 //   (lobe, coefficient), colour (channel, lobe, coefficient)}.
 // ln(kappa) is the sum of the curves scale and colour, ln(gamma) is the curve gamma.
 
-import { curvesAt, resized } from "./curve.js";
+import { curvesAt, nearestCurves, PLACES, resized } from "./curve.js";
 import { meta } from "./meta.js";
 
 const { azimuthalWidth, maxLnKappa, maxFactor, dark, heights } = meta.constants;
@@ -80,8 +80,14 @@ export function meanOverPhi(model, thetaH, thetaD) {
   return sumOfLobes(model, Math.cos(thetaD), logCos(thetaH), stretch);
 }
 
-/** Three values that stand for red, green and blue. */
-export const asRgb = (model, values) => model.rgb.map((channel) => values[channel]);
+/** Red, green and blue of values of the channels, none below zero. */
+export function asRgb({ rgb }, values) {
+  return rgb.map((weights) => {
+    let sum = 0;
+    for (let c = 0; c < weights.length; c++) sum += weights[c] * values[c];
+    return Math.max(sum, 0);
+  });
+}
 
 export const noEdit = () => ({ on: true, kappa: 1, gamma: 1 });
 
@@ -123,6 +129,38 @@ export function withChannels(model, channels) {
   return { ...model, colour, nChannels: channels.length };
 }
 
+const IDENTITY = [0, 1, 2].map((i) => [0, 1, 2].map((j) => Number(i === j)));
+/** A colour that no display shows has so little of the channel that it would take from others. */
+const LEAST_SHARE = 1e-3;
+/** Coefficients of heights that add up those of many channels, at least. */
+const ENOUGH = 7;
+
+/**
+ * The model in red, green and blue. Where these are channels of it, exactly; else the heights of each lobe are those of
+ * the channels' sum, and its shape between pole and horizon is near it.
+ */
+export function inRgb(model) {
+  const { rgb } = model;
+  const chosen = rgb.map((weights) => (weights.every((w) => w === 0 || w === 1) ? weights.indexOf(1) : -1));
+  const shown = { channels: ["r", "g", "b"], rgb: IDENTITY };
+  if (!chosen.includes(-1)) return { ...withChannels(model, chosen), ...shown };
+  const { nLobes, sizes } = model;
+  const rows = Array.from({ length: 3 * nLobes }, () => new Float64Array(PLACES.length));
+  PLACES.forEach((x, place) => {
+    const { lnKappa } = parametersAt(model, x);
+    const pole = lnKappa.map((value) => Math.expm1(Math.exp(Math.min(value, maxLnKappa))));
+    for (let k = 0; k < nLobes; k++) {
+      const sums = asRgb(model, rgb[0].map((_, c) => pole[c * nLobes + k]));
+      const least = Math.max(LEAST_SHARE * Math.max(...sums), 1e-300);
+      sums.forEach((sum, i) => (rows[i * nLobes + k][place] = Math.log(Math.log1p(Math.max(sum, least)))));
+    }
+  });
+  const size = Math.max(ENOUGH, sizes.scale, sizes.colour);
+  const colour = Float32Array.from(nearestCurves(rows, size));
+  const scale = new Float32Array(nLobes * sizes.scale);
+  return { ...model, ...shown, nChannels: 3, scale, colour, sizes: { ...sizes, colour: size } };
+}
+
 /** A lobe at a few theta_d, to order lobes by. */
 function sharpness(model, k) {
   const angles = [10, 30, 50, 70, 85];
@@ -157,7 +195,7 @@ function blendable(model, sizes) {
  * has fewer, a lobe of no height and of the shape of its sharpest is taken.
  */
 export function betweenModels(a, b, t) {
-  const { nChannels, channels, rgb } = a;
+  const { nChannels, channels, rgb, falseColours } = a;
   const nLobes = Math.max(a.nLobes, b.nLobes);
   const sizes = Object.fromEntries(SHARED.map((key) => [key, Math.max(a.sizes[key], b.sizes[key])]));
   sizes.scale = sizes.colour = Math.max(sizes.scale, a.sizes.colour, b.sizes.colour);
@@ -185,6 +223,7 @@ export function betweenModels(a, b, t) {
     name: `${Math.round(100 * (1 - t))} % ${a.name}, ${Math.round(100 * t)} % ${b.name}`,
     channels,
     rgb,
+    falseColours,
     nChannels,
     nLobes,
     sizes,

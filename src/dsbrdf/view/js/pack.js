@@ -1,6 +1,6 @@
 // The numbers of a material as the textures that the shaders read (dsbrdf/shader/texture.glsl, sphere.glsl).
 
-import { SHARED, withChannels } from "./material.js";
+import { inRgb, SHARED } from "./material.js";
 import { samplingShares } from "./sampler.js";
 
 /** Columns of a packed profile, evenly spaced in the square root of theta_h as a MERL table is. */
@@ -8,9 +8,9 @@ const PROFILE_COLUMNS = 180;
 
 /** The texture of `texture.glsl`, one row of texels: {width, height, data}. */
 export function packParameters(material) {
-  const { sizes, nLobes } = material;
+  const rgb = inRgb(material);
+  const { sizes, nLobes } = rgb;
   const most = Math.max(...Object.values(sizes));
-  const rgb = withChannels(material, material.rgb);
   const coefficient = (key, row, j) => (j < sizes[key] ? rgb[key][row * sizes[key] + j] : 0);
   const places = Array.from({ length: most }, (_, j) => j);
   const ofLobe = (k) => [
@@ -37,16 +37,23 @@ function interpolate(xs, ys, x) {
 
 /** The texture of measured values in `sphere.glsl`, a row for each slice: {width, height, data}. */
 export function packProfile({ profile, nChannels, rgb }) {
+  const colours = (values, slice, nThetaH) =>
+    rgb.map((weights) =>
+      Float64Array.from({ length: nThetaH }, (_, i) =>
+        weights.reduce((sum, w, c) => (w ? sum + w * values[(slice * nChannels + c) * nThetaH + i] : sum), 0),
+      ),
+    );
   const nSlices = profile.thetaD.length;
   const nThetaH = profile.mean.length / (nSlices * nChannels);
   const data = new Float32Array(4 * 2 * PROFILE_COLUMNS * nSlices);
   const part = (values, row) => values.subarray(row * nThetaH, (row + 1) * nThetaH);
   for (let slice = 0; slice < nSlices; slice++) {
     const thetaH = part(profile.thetaH, profile.thetaH.length > nThetaH ? slice : 0);
+    const [mean, amplitude] = [profile.mean, profile.amplitude].map((all) => colours(all, slice, nThetaH));
     for (let column = 0; column < PROFILE_COLUMNS; column++) {
       const x = (Math.PI / 2) * (column / (PROFILE_COLUMNS - 1)) ** 2;
-      const at = (values) => rgb.map((c) => interpolate(thetaH, part(values, slice * nChannels + c), x));
-      const [means, amplitudes] = [at(profile.mean), at(profile.amplitude)];
+      const at = (rows) => rows.map((row) => interpolate(thetaH, row, x));
+      const [means, amplitudes] = [at(mean), at(amplitude)];
       const there = means.every(Number.isFinite);
       const start = 4 * (2 * PROFILE_COLUMNS * slice + column);
       const waves = there && amplitudes.every(Number.isFinite) ? amplitudes : [0, 0, 0];

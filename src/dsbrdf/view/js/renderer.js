@@ -33,9 +33,9 @@ export class Renderer {
     return this.sphere.ready() && this.picture.ready();
   }
 
-  /** Begin anew, with as many pixels as the canvas has. */
-  allocate() {
-    const { width, height } = this.canvas;
+  /** Begin anew, with as many pixels as the canvas has, or one for `coarseness` in each direction. */
+  allocate(coarseness = 1) {
+    const [width, height] = [this.canvas.width, this.canvas.height].map((side) => Math.ceil(side / coarseness));
     if (this.targets[0]?.width !== width || this.targets[0]?.height !== height) {
       for (const target of this.targets) target.delete();
       this.targets = [0, 1].map(() => new Target(this.gl, width, height));
@@ -116,7 +116,8 @@ export class Renderer {
     const { gl, canvas } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
-    this.picture.draw({ u_sum: this.targets[0].texture, u_exposure: exposure });
+    const scale = this.targets[0].height / canvas.height;
+    this.picture.draw({ u_sum: this.targets[0].texture, u_exposure: exposure, u_scale: scale });
     gl.flush();
   }
 

@@ -42,6 +42,9 @@ const MAX_PITCH = 1.5;
 const MAX_PAIRS = 16;
 /** Frames that take less or more, in ms, get more or fewer samples. */
 const [SHORT_FRAME, LONG_FRAME] = [25, 60];
+/** Pixels across one sample while something is dragged, at most, and ms without a change until it is at rest. */
+const MAX_COARSENESS = 4;
+const REST = 200;
 /** How long a lost device may stay away, in ms, before people are told. */
 const PATIENCE = 5000;
 
@@ -59,6 +62,10 @@ export class Sphere {
     this.environments = new Map();
     this.exposure = 0;
     this.nPairs = 1;
+    /** Pixels across one sample: more than one while something is dragged, on a device that needs it. */
+    this.coarseness = 1;
+    this.draggedCoarseness = MAX_COARSENESS;
+    this.changed = -Infinity;
     this.submitted = 0;
     this.handle = null;
     this.isRunning = false;
@@ -71,7 +78,7 @@ export class Sphere {
   /** One material, or two: the left and the right half of the sphere. */
   setMaterials(left, right = null) {
     this.materials = right ? [left, right] : [left];
-    this.#update(() => this.materials.forEach((_, slot) => this.#uploadMaterial(slot)));
+    this.#drag(() => this.materials.forEach((_, slot) => this.#uploadMaterial(slot)));
   }
 
   /** A name among ENVIRONMENTS. */
@@ -104,14 +111,14 @@ export class Sphere {
   /** Turn the viewer about the sphere: radians to the right and upward. */
   rotateView(right, up) {
     this.#setView(this.yaw + right, Math.min(Math.max(this.pitch + up, -MAX_PITCH), MAX_PITCH));
-    this.#update();
+    this.#drag();
   }
 
   /** Turn the light about the sphere as it is seen: radians to the right and upward. */
   rotateLight(right, up) {
     const turned = multiply(rotation(column(this.camera, 1), right), rotation(column(this.camera, 0), -up));
     this.lightRotation = multiply(turned, this.lightRotation);
-    this.#update();
+    this.#drag();
   }
 
   /** View and light back to where they were at first. */
@@ -129,7 +136,7 @@ export class Sphere {
     );
     if (!width || !height || (width === this.canvas.width && height === this.canvas.height)) return;
     Object.assign(this.canvas, { width, height });
-    this.#update((renderer) => renderer.allocate());
+    this.#update((renderer) => renderer.allocate(this.coarseness));
   }
 
   /** Draw until there are maxSamples, and again after each change. */
@@ -247,6 +254,25 @@ export class Sphere {
     this.#schedule();
   }
 
+  /** Begin anew after a change: coarsely, where one follows another, until nothing has changed for a while. */
+  #drag(change = () => {}) {
+    const now = performance.now();
+    const isOne = now - this.changed > REST;
+    this.changed = now;
+    if (!this.isRunning || isOne) return this.#update(change);
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => this.#setCoarseness(1), REST);
+    this.#setCoarseness(this.draggedCoarseness, change);
+  }
+
+  #setCoarseness(coarseness, change = () => {}) {
+    this.coarseness = coarseness;
+    this.#update((renderer) => {
+      change(renderer);
+      renderer.allocate(coarseness);
+    });
+  }
+
   #uploadMaterial(slot) {
     const material = this.materials[slot];
     const profile = material.measured ? packProfile(material) : null;
@@ -290,9 +316,15 @@ export class Sphere {
     this.#schedule();
   }
 
-  /** More samples at once on a fast device, fewer on a slow one. */
+  /** More samples at once on a fast device, fewer on a slow one, and fewer still while something is dragged. */
   #pace(elapsed) {
-    if (elapsed < SHORT_FRAME) this.nPairs = Math.min(2 * this.nPairs, MAX_PAIRS);
-    if (elapsed > LONG_FRAME) this.nPairs = Math.max(Math.floor(this.nPairs / 2), 1);
+    const isDragged = performance.now() - this.changed < REST;
+    if (elapsed < SHORT_FRAME) {
+      if (this.coarseness > 1) this.draggedCoarseness = Math.max(this.draggedCoarseness / 2, 1);
+      else this.nPairs = Math.min(2 * this.nPairs, MAX_PAIRS);
+    } else if (elapsed > LONG_FRAME) {
+      if (this.nPairs > 1) this.nPairs = Math.floor(this.nPairs / 2);
+      else if (isDragged) this.draggedCoarseness = Math.min(2 * this.draggedCoarseness, MAX_COARSENESS);
+    }
   }
 }

@@ -1,10 +1,11 @@
 // The sphere and its controls: environment, lighting, exposure, dragging, comparison.
 
 import { drawChip } from "./chips.js";
-import { indexOfMaterial, materials } from "./data.js";
+import { materials } from "./data.js";
 import { readEnvironment } from "./environment.js";
 import { orbit } from "./orbit.js";
 import { formatNumber, html, onResize } from "./plot.js";
+import { searchField } from "./search.js";
 import { ENVIRONMENTS, LIGHTINGS, Sphere } from "./sphere.js";
 import {
   altersModel,
@@ -27,6 +28,7 @@ const environmentSelect = document.getElementById("environment");
 const exposureSlider = document.getElementById("exposure");
 
 let sphere = null;
+let showSecond = () => {};
 /** Until the first samples are there, the simpler sphere is seen. */
 let isWaiting = true;
 
@@ -53,9 +55,8 @@ function fillChoices() {
   lighting.append(...LIGHTINGS.map(({ name, label }) => html("option", { value: name }, label)));
   lighting.addEventListener("change", () => setState({ lighting: lighting.value }));
   const second = document.getElementById("second");
-  second.append(...materials.map(({ name }) => html("option", { value: name }, name)));
-  second.addEventListener("change", () => chooseSecond(indexOfMaterial(second.value)));
-  second.parentElement.hidden = materials.length < 2;
+  showSecond = searchField(second, { current: () => state.second, pick: chooseSecond, none: "none" });
+  second.closest(".field").hidden = materials.length < 2;
   const compare = document.getElementById("compare");
   for (const [value, label] of Object.entries(COMPARISONS)) {
     const radio = html("input", {
@@ -96,7 +97,7 @@ function showSphereControls(right) {
   const sign = state.exposure > 0 ? "+" : "";
   document.getElementById("exposure-value").textContent = `${sign}${formatNumber(state.exposure)} EV`;
   document.getElementById("lighting").value = state.lighting;
-  document.getElementById("second").value = materials[state.second]?.name ?? "";
+  showSecond();
   for (const radio of document.querySelectorAll("input[name=compare]")) {
     radio.checked = radio.value === state.compare;
     radio.disabled =
@@ -107,10 +108,8 @@ function showSphereControls(right) {
   document
     .getElementById("half-names")
     .replaceChildren(...(right ? names.map((name) => html("span", {}, name)) : []));
-  canvas.setAttribute(
-    "aria-label",
-    `${right ? `${names.join(" and ")} side by side on one sphere` : `A sphere of ${names[0]}`}. Drag or use the arrow keys to turn.`,
-  );
+  const what = right ? `${names.join(" and ")} side by side on one sphere` : `A sphere of ${names[0]}`;
+  canvas.setAttribute("aria-label", `${what}. Drag or use the arrow keys to turn.`);
 }
 
 function showProgress({ nSamples, maxSamples }) {
