@@ -243,19 +243,43 @@ def test_models_from_elsewhere(folder, tmp_path):
     fit = dsbrdf.fit(built_in("rough-gold", FEW), n_lobes=2)
     (tmp_path / "mine").mkdir()
     fit.model.save(tmp_path / "mine" / "rough-gold.json")
-    rng = np.random.default_rng(3)
     (tmp_path / "weights").mkdir()
-    for part, shape in zip(
-        ("fc1", "b1", "fc2", "b2", "fc3", "b3"), [(6, 3), 3, (3, 3), 3, (3, 3), 3], strict=True
-    ):
-        np.save(tmp_path / "weights" / f"rough-gold_{part}.npy", rng.normal(size=shape))
+    weights(tmp_path / "weights", "rough-gold")
     found = dsbrdf.compare(folder, methods=[], neural=tmp_path / "weights", add={"mine": tmp_path / "mine"})
     assert {(row.material, row.method): row.n_parameters for row in found.rows if row.ok} == {
         ("rough-gold", "mine"): fit.model.n_parameters,
         ("rough-gold", "neural BRDF"): 6 * 3 + 3 + 2 * (9 + 3),
     }
+    assert [row.material for row in found.failures] == ["bad"]
     assert found.standings[0].method == "mine"
     assert found.standings[0].cbrt == merit.Judge(built_in("rough-gold", FEW)).merit(fit.model).cbrt
+
+
+def weights(folder, name, seed=3):
+    rng = np.random.default_rng(seed)
+    shapes = {"fc1": (6, 3), "b1": 3, "fc2": (3, 3), "b2": 3, "fc3": (3, 3), "b3": 3}
+    for part, shape in shapes.items():
+        # Bright enough not to be zero anywhere
+        np.save(folder / f"{name}_{part}.npy", 0.1 * rng.normal(size=shape) + (part == "b3"))
+
+
+def test_weights_that_are_the_measurement(tmp_path):
+    """Then the error of the network is nothing; a repeated run has the same rows, until a weight has changed."""
+    networks, out = tmp_path / "networks", tmp_path / "out"
+    networks.mkdir()
+    weights(networks, "felt")
+    first = dsbrdf.compare(networks, out, methods=["bivariate"], neural=networks)
+    assert [(row.material, row.method, row.status) for row in first.rows] == [
+        ("felt", "bivariate table", "ok"),
+        ("felt", "neural BRDF", "ok"),
+    ]
+    assert first.rows[1].rel == 0.0
+    assert first.rows[0].rel > 0.0
+    repeated = dsbrdf.compare(networks, out, methods=["bivariate"], neural=networks)
+    assert repeated.to_csv() == first.to_csv()
+    np.save(networks / "felt_b3.npy", np.full(3, 0.2))
+    again = dsbrdf.compare(networks, out, methods=["bivariate"], neural=networks)
+    assert again.rows[0].rel != first.rows[0].rel
 
 
 def test_a_folder_of_strangers_is_told(folder, tmp_path):

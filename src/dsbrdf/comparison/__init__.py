@@ -20,7 +20,7 @@ from typing import Any
 from dsbrdf import _files, batch
 from dsbrdf.batch import lock
 from dsbrdf.comparison.merit import FIGURES, Judge, Merit
-from dsbrdf.comparison.methods import METHODS, Folder, Method, key_of, n_parameters
+from dsbrdf.comparison.methods import METHODS, Folder, Method, content_of, key_of, n_parameters
 from dsbrdf.comparison.result import MAKER, Comparison, Row, Standing
 
 __all__ = [
@@ -238,17 +238,20 @@ def _rows(
     path = Path(target)
     plain = path.name if path.exists() else target
     try:
-        content = _files.sha256(path) if path.is_file() else ""
-        wanted = _wanted(content, peers, path.stem, reading)
-        if all((key, label) in kept for label, (_, key) in wanted.items()):
-            return [kept[key, label] for label, (_, key) in wanted.items()]
+        content = content_of(path) if path.is_file() else ""
+        if not any(isinstance(peer, Folder) for peer in peers):
+            keys = [(key, label) for label, (_, key) in _wanted(content, peers, "", reading).items()]
+            if set(keys) <= set(kept):
+                return [kept[key] for key in keys]
+        # What there is in a folder of models depends on the name
         measured = batch.open_target(target, reading)
-        judge = Judge(measured)
+        wanted = _wanted(content, peers, measured.name, reading)
+        judge = None if {(key, label) for label, (_, key) in wanted.items()} <= set(kept) else Judge(measured)
     except Exception as error:
         return [Row(path.stem, "", status=_reason(error), file=plain)]
     rows = []
-    for label, (peer, key) in _wanted(content, peers, measured.name, reading).items():
-        if (key, label) in kept:
+    for label, (peer, key) in wanted.items():
+        if judge is None or (key, label) in kept:
             rows.append(dataclasses.replace(kept[key, label], material=measured.name, file=plain))
             continue
         row = Row(measured.name, label, file=plain, version=_version())

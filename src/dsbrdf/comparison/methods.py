@@ -22,7 +22,7 @@ from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import file as model_file
 from dsbrdf.paper import fit_slices
 
-__all__ = ["METHODS", "Folder", "Method", "key_of", "n_parameters"]
+__all__ = ["METHODS", "Folder", "Method", "content_of", "key_of", "n_parameters"]
 
 Measured = MeasuredBRDF | Samples
 #: Endings of a material's file in a folder of models from elsewhere, the first that there is.
@@ -114,22 +114,21 @@ class Folder:
         path = self.find(measured.name)
         if path is None:
             raise FileNotFoundError(f"no model of {measured.name} in {self.folder}")
-        return model_file.load(path) if path.suffix == ".json" else _Read(path)
+        return model_file.load(path) if path.suffix == ".json" else _Read(path, measured)
 
     def key(self, name: str) -> str | None:
         """What tells the model for a material from others; None if there is none."""
         path = self.find(name)
-        if path is None:
-            return None
-        parts = nbrdf.npy_set(path) or {"": path}
-        return "".join(_files.sha256(part) for part in parts.values())
+        return None if path is None else content_of(path)
 
 
 class _Read:
     """A table, or the table of a neural BRDF, and how many numbers it was made of."""
 
-    def __init__(self, path: Path) -> None:
-        content = read(path)
+    def __init__(self, path: Path, measured: Measured) -> None:
+        # Weights may be what is measured, too
+        is_same = measured.source.file is not None and measured.source.file.resolve() == path.resolve()
+        content = measured if is_same else read(path)
         if isinstance(content, Samples):
             raise ValueError(f"{path}: scattered samples are no model.")
         is_network = path.suffix in (".h5", ".npy")
@@ -160,6 +159,12 @@ METHODS: Mapping[str, Method] = {
     "ggx-pair": Method("Lambert + two GGX", fit_ggx_pair),
     "bivariate": Method("bivariate table", fit_bivariate, tables=True),
 }
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a file, or of all that belong to it."""
+    parts = nbrdf.npy_set(path) or {"": path}
+    return "".join(_files.sha256(part) for part in parts.values())
 
 
 def n_parameters(model: Any) -> float:
