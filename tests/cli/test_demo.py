@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import dsbrdf
-from dsbrdf import Lobes, cli
+from dsbrdf import Lobes, cli, plot
 from dsbrdf.cli import _demo
+from dsbrdf.measured import built_in
 from dsbrdf.model.components import components
 
 # Some materials run out of iterations
@@ -27,10 +28,10 @@ def test_rows_and_models(tmp_path):
 
 
 def test_command_prints_a_row_and_writes_figures(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("dsbrdf.measured.built_in.names", lambda: ("matte",))
+    monkeypatch.setattr(_demo, "MATERIALS", {"matte": "what there is to see"})
     assert cli.main(["demo", "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
-    (line,) = [line.split() for line in out.splitlines() if line.startswith("matte")]
+    (line,) = [line.split() for line in out.splitlines() if line.startswith("matte ")]
     model = dsbrdf.load(tmp_path / "matte.json")
     assert line[1] == f"{model.n_lobes}"
     assert line[2:7] == [
@@ -40,6 +41,13 @@ def test_command_prints_a_row_and_writes_figures(tmp_path, monkeypatch, capsys):
     assert line[9] == f"{model.n_parameters}"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["matte.json", "matte.png", _demo.OVERVIEW]
     assert str(tmp_path) in out
+    assert "\nmatte: what there is to see\n" in out
+
+
+def test_materials_of_the_demonstration():
+    """Each is built in, and explained in a sentence or two that its figure has room for."""
+    assert set(_demo.MATERIALS) < set(built_in.names())
+    assert all(20 < len(note) < 4 * plot.model.NOTE_WIDTH for note in _demo.MATERIALS.values())
 
 
 def test_without_matplotlib_nothing_is_written(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """What README.md shows runs as it stands."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -56,3 +57,23 @@ def test_links_lead_somewhere(document):
     path = README.parent / document
     for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", path.read_text(encoding="utf-8")):
         assert (path.parent / target).exists(), f"{document}: {target}"
+
+
+def test_links_can_be_made_absolute():
+    """For PyPI, which shows the page without its repository."""
+    absolute = runpy.run_path(str(README.parent / "tools" / "absolute_links.py"))["absolute"]
+    text = README.read_text(encoding="utf-8")
+    home = "https://forge/owner/name"
+    made = absolute(text, f"{home}/", "v1")
+    assert not re.search(r"\]\((?!https?:|#)", made)
+    # The same files, each as what it is; a picture that is a link is both
+    expected = [path.split("#")[0] for path in re.findall(r"\]\((?!https?:|#)([^)]+)", text)]
+    found = re.findall(rf"\]\({home}/(raw|blob)/v1/([^)#]+)", made)
+    assert [path for _, path in found] == expected
+    assert {path.startswith("docs/images/") for kind, path in found if kind == "raw"} == {True}
+    assert {path.startswith("docs/images/") for kind, path in found if kind == "blob"} == {False}
+    assert (
+        f"[![A page of 100 materials]({home}/raw/v1/docs/images/view.png)]({home}/blob/v1/docs/view.md)"
+        in made
+    )
+    assert absolute(made, "https://elsewhere", "v2") == made

@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 
 import dsbrdf
 from dsbrdf import Lobes, half_diff, plot
+from dsbrdf.cli import _demo
+from dsbrdf.geometry import lighting, panorama
 from dsbrdf.measured import built_in
 from dsbrdf.model import sphere
 
@@ -116,7 +118,8 @@ def test_nothing_is_cut(fit, columns):
     assert_nothing_is_cut(plot.fit_figure(fit, theta_d=[0.1, 0.6, 1.2][:columns]))
     assert_nothing_is_cut(plot.parameter_figure(fit.model.replace(name="a name as long as some files have")))
     named = dataclasses.replace(fit, model=fit.model.replace(name="specular-black-phenolic"))
-    assert_nothing_is_cut(plot.demo_figure([named] * columns, n_pixels=16))
+    longest = max(_demo.MATERIALS.values(), key=len)
+    assert_nothing_is_cut(plot.demo_figure([named] * columns, [longest] * columns, n_pixels=16))
 
 
 def test_figures_of_one_channel(grey_fit, tmp_path):
@@ -252,8 +255,36 @@ def test_a_table_and_its_reflectance_make_the_same_sphere():
 
 
 def test_lobes_of_a_sphere_add_up(fit):
-    parts = sum(sphere.shade(fit.model.lobe(k), 24) for k in range(3))
-    np.testing.assert_allclose(parts, sphere.shade(fit.model, 24), rtol=1e-9, atol=1e-12)
+    for shade in (sphere.shade, sphere.shade_in_room):
+        parts = sum(shade(fit.model.lobe(k), 24) for k in range(3))
+        np.testing.assert_allclose(parts, shade(fit.model, 24), rtol=1e-9, atol=1e-12)
+
+
+def test_a_sphere_in_the_room_sums_all_its_light(fit):
+    """Against a sum over the pixels of a map, at normals of all azimuths."""
+    n, height = 61, 256
+    image = sphere.shade_in_room(fit.model, n)
+    at = (np.arange(n) + 0.5) * 2.0 / n - 1.0
+    directions = panorama.directions(height, 2 * height).reshape(-1, 3)
+    light = lighting.studio(height).reshape(-1, 3)
+    areas = np.repeat(panorama.solid_angles(height, 2 * height), 2 * height)
+    for row, column in ((30, 30), (12, 20), (20, 47), (45, 10), (50, 36)):
+        x, y = at[column], -at[row]
+        normal = np.array([x, y, np.sqrt(1.0 - x * x - y * y)])
+        across = np.cross([0.3, 0.8, 0.5], normal)
+        across /= np.linalg.norm(across)
+        frame = np.stack([across, np.cross(normal, across), normal])
+        wi, wo = directions @ frame.T, frame[:, 2]
+        values = np.asarray(fit.model.eval(wi, wo)) * np.maximum(wi[:, 2:], 0.0) * light
+        np.testing.assert_allclose(image[row, column], (values * areas[:, None]).sum(0), rtol=0.004)
+    assert not image[0, 0].any()
+
+
+def test_other_channels_are_lit_by_grey_light(grey_fit):
+    grey = sphere.shade_in_room(grey_fit.model, 16)
+    same = sphere.shade_in_room(with_channels(grey_fit.model, 2, ["a", "b"]), 16)
+    assert same.shape == (16, 16, 2)
+    np.testing.assert_allclose(same, np.repeat(grey, 2, axis=-1), rtol=1e-9, atol=1e-12)
 
 
 def test_invalid_cells_are_black(fit):

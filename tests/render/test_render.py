@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 
 from dsbrdf import baselines, cli
 from dsbrdf.export.rgl import write_rgl
+from dsbrdf.geometry import lighting
 from dsbrdf.measured.formats.array_file import write_npz
-from dsbrdf.render import comparison, lighting, picture, quality, scene, variants
+from dsbrdf.render import comparison, picture, quality, scene, variants
 from dsbrdf.render.scene import View, render
 
 SMALL = View(size=16, spp=16)

@@ -12,7 +12,9 @@ import os
 import signal
 import socket
 import sys
+import tempfile
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -29,11 +31,14 @@ __all__ = [
     "check_folder",
     "check_output",
     "is_quiet",
+    "is_verbose",
     "main",
     "missing_plots",
     "note",
     "say",
+    "standard_input",
     "tell",
+    "trace",
 ]
 
 INTERRUPTED = 130
@@ -48,9 +53,13 @@ app = typer.Typer(
 
 
 #: Of the whole process, as threads note and warn, too.
-_quiet = threading.Event()
+_quiet, _verbose = threading.Event(), threading.Event()
 #: Options that hold wherever they stand.
-GLOBAL = ("--quiet", "-q", "--debug")
+QUIET, VERBOSE, DEBUG = {"--quiet", "-q"}, {"--verbose", "-v"}, {"--debug"}
+#: What stands for standard input where a file is read, and the most that is taken from it.
+STANDARD_INPUT, MAX_INPUT = "-", 1 << 28
+#: Files of ours that messages call by another name.
+_called: dict[str, str] = {}
 
 
 @dataclass
@@ -73,12 +82,14 @@ class State:
     def begin(self, about: str) -> None:
         """Note what this thread is working on."""
         self.work.about = about
+        if about:
+            trace(about)
 
     def announce(self, step: Callable[[str], None]) -> Callable[[str], None]:
         """`step`, and a note of what is being worked on."""
 
         def both(about: str) -> None:
-            self.begin(about)
+            self.work.about = about
             step(about)
 
         return both
@@ -102,20 +113,24 @@ class State:
         if self.failed:
             raise typer.Exit(1)
 
-    def show_warning(self, message: Warning | str, *_: Any, **__: Any) -> None:
+    def show_warning(
+        self, message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any
+    ) -> None:
         about = getattr(self.work, "about", "")
         named = not about or str(message).startswith(f"{Path(about).stem}: ")
         note(f"warning: {message}" if named else f"warning: {about}: {message}")
+        trace(f"{category.__name__}, {filename}:{line}")
 
 
 def say(text: str) -> None:
     """One line to standard error."""
-    print("dsbrdf:", _text.shown(" ".join(text.split("\n"))), file=sys.stderr)
+    print("dsbrdf:", _text.shown(" ".join(called(text).split("\n"))), file=sys.stderr)
 
 
 def tell(text: object, *, error: bool = False) -> None:
     """A line or more to standard output, or to standard error; what would drive a terminal is shown instead."""
-    print(_text.shown(text, keep="\n"), file=sys.stderr if error else sys.stdout, flush=True)
+    shown = _text.shown(called(str(text)), keep="\n")
+    print(shown, file=sys.stderr if error else sys.stdout, flush=True)
 
 
 def note(text: str) -> None:
@@ -124,9 +139,67 @@ def note(text: str) -> None:
         say(text)
 
 
+def trace(text: str) -> None:
+    """One line to standard error, with the time since the start, if the user wants to know all."""
+    if is_verbose():
+        say(f"{time.perf_counter() - _start:.2f} s: {text}")
+
+
 def is_quiet() -> bool:
     """Whether progress, notes and warnings are left out."""
     return _quiet.is_set()
+
+
+def is_verbose() -> bool:
+    """Whether steps and their times, versions and the places of warnings are shown."""
+    return _verbose.is_set()
+
+
+_start = time.perf_counter()
+
+
+def called(text: str) -> str:
+    """A text in which files of ours have the names that the user knows."""
+    for path, name in _called.items():
+        text = text.replace(path, name)
+    return text
+
+
+@contextlib.contextmanager
+def standard_input() -> Iterator[Path]:
+    """A file of what is piped in, which is text.
+
+    Raises
+    ------
+    ValueError
+        If nothing is piped in, or what is not text, or more than `MAX_INPUT` bytes.
+    """
+    from dsbrdf.measured.formats.text_file import is_text
+
+    if sys.stdin.isatty():
+        raise ValueError("standard input: nothing is piped in. Give a file, or pipe text into '-'.")
+    with tempfile.TemporaryDirectory(prefix="dsbrdf-") as folder:
+        path = Path(folder, "stdin")
+        stream = sys.stdin.buffer
+        head = stream.read(4096)
+        if head and not is_text(head):
+            raise ValueError(
+                "standard input: expected text with columns, got a binary file that begins with "
+                f"{head[:12]!r}. Give its name instead of '-'."
+            )
+        with path.open("wb") as file:
+            file.write(head)
+            while block := stream.read(1 << 20):
+                if file.tell() + len(block) > MAX_INPUT:
+                    raise ValueError(
+                        f"standard input: more than {MAX_INPUT:,} bytes. Write it to a file, and give its name."
+                    )
+                file.write(block)
+        _called[str(path)] = "standard input"
+        try:
+            yield path
+        finally:
+            del _called[str(path)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -141,9 +214,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_DSBRDF_COMPLETE" in os.environ:
         app(prog_name="dsbrdf")
     # Wherever they stand, these hold
-    state = State(debug="--debug" in arguments)
-    _quiet.set() if {"--quiet", "-q"} & set(arguments) else _quiet.clear()
-    arguments = [argument for argument in arguments if argument not in GLOBAL] or ["--help"]
+    given = set(arguments)
+    state = State(debug=bool(DEBUG & given))
+    for event, options in ((_quiet, QUIET), (_verbose, VERBOSE)):
+        event.set() if options & given else event.clear()
+    arguments = [each for each in arguments if each not in QUIET | VERBOSE | DEBUG] or ["--help"]
+    if is_verbose():
+        _trace_versions()
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("always", UserWarning)
@@ -160,7 +237,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 raise
             _discard_output()
             return _report(error)
+    trace(f"end, {time.process_time():.2f} s of processor time")
     return status
+
+
+def _trace_versions() -> None:
+    import platform
+    from importlib import metadata
+
+    packages = [f"{name} {metadata.version(name)}" for name in ("dsbrdf", "numpy", "scipy")]
+    python = f"Python {platform.python_version()}"
+    trace(f"{', '.join([*packages, python])}, {platform.platform()}, {os.cpu_count()} cores")
 
 
 def _invoke(arguments: list[str], state: State) -> int:
@@ -256,6 +343,12 @@ def _options(
     ] = False,
     _quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="No progress, notes and warnings; errors are shown.")
+    ] = False,
+    _verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose", "-v", help="Steps and their times, versions, and where warnings come from."
+        ),
     ] = False,
     _debug: Annotated[bool, typer.Option("--debug", help="Show a traceback where something fails.")] = False,
 ) -> None:

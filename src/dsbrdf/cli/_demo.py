@@ -1,4 +1,4 @@
-"""The demonstration: fit the built-in materials, and write their models and figures."""
+"""The demonstration: fit some of the built-in materials, and write their models and figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,18 @@ from pathlib import Path
 from dsbrdf.fitting import Fit, fit
 from dsbrdf.measured import MeasuredBRDF, built_in
 
-__all__ = ["OVERVIEW", "DemoRow", "run"]
+__all__ = ["MATERIALS", "OVERVIEW", "DemoRow", "run"]
+
+#: Built-in materials that show what lobes do well and what they do not, and what to look at.
+MATERIALS = {
+    "rough-gold": "A rough metal. Round lobes of one colour, which fades at grazing angles: what the model is for.",
+    "polished-chrome": "Nearly a mirror. The peak is 100,000 times as bright as what is around it; lobes follow both.",
+    "glossy-plastic": "A clear coat over colour. A wide red lobe and narrow white ones keep the two apart.",
+    "paint-two-lobe": "A lacquer with a sharp and a hazy highlight, which get lobes of their own.",
+    "matte": "Dry clay, no highlight: lobes so wide that together they are flat.",
+    "grey-primer": "A limit. A rough coat brightens steeply within 15 degrees of the horizon, where lobes around the "
+    "half vector cannot follow: most of the error lies there.",
+}
 
 #: Name of the figure that shows all materials.
 OVERVIEW = "overview.png"
@@ -54,7 +65,7 @@ def run(
     out : str or Path
         Folder for `<name>.json`, `<name>.png` and `overview.png`; made if it does not exist.
     names : sequence of str, optional
-        Materials; all by default.
+        Built-in materials; those of `MATERIALS` by default.
     plots : bool, optional
         Write figures, which needs matplotlib.
     step : callable, optional
@@ -77,7 +88,7 @@ def run(
     if plots:
         from dsbrdf import plot
     rows = []
-    for name in built_in.names() if names is None else names:
+    for name in MATERIALS if names is None else names:
         step(name)
         measured = built_in.material(name)
         result = fit(measured)
@@ -88,5 +99,6 @@ def run(
         rows.append(DemoRow(result, measured, path, float(result.model.albedo(0.0).mean())))
     if plots and rows:
         step("overview")
-        plot.write_figure(plot.demo_figure([row.fit for row in rows]), out / OVERVIEW)
+        notes = [MATERIALS.get(row.fit.model.name, "") for row in rows]
+        plot.write_figure(plot.demo_figure([row.fit for row in rows], notes), out / OVERVIEW)
     return rows

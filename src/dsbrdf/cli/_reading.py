@@ -5,11 +5,17 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from dsbrdf.cli._app import STANDARD_INPUT, standard_input
+
 __all__ = ["takes_reading"]
+
+#: Parameters of commands that name what is read.
+TARGETS = ("files", "models", "model", "source")
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "columns": (
@@ -88,7 +94,10 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
 
 
 def takes_reading(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of reading; its parameter `reading` gets those given, as keywords of `dsbrdf.read`."""
+    """Give a command the options of reading; its parameter `reading` gets those given, as keywords of `dsbrdf.read`.
+
+    What it reads may be '-', for text from standard input.
+    """
     signature = inspect.signature(command, eval_str=True)
     own = [parameter for parameter in signature.parameters.values() if parameter.name != "reading"]
     added = [
@@ -98,13 +107,32 @@ def takes_reading(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def wrapped(**arguments: Any) -> Any:
-        given = {name: arguments.pop(name) for name in _OPTIONS}
-        return command(**arguments, reading=_keywords(given))
+        reading = _keywords({name: arguments.pop(name) for name in _OPTIONS})
+        if not any(_is_piped(arguments.get(name)) for name in TARGETS):
+            return command(**arguments, reading=reading)
+        with standard_input() as path:
+            return command(
+                **{name: _with(value, path, name) for name, value in arguments.items()}, reading=reading
+            )
 
     wrapped.__signature__ = signature.replace(parameters=[*own, *added])  # type: ignore[attr-defined]
     wrapped.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *added)}
     del wrapped.__wrapped__
     return wrapped
+
+
+def _is_piped(value: Any) -> bool:
+    """Whether a target, or one of several, is standard input."""
+    return STANDARD_INPUT in map(str, value if isinstance(value, list) else [value])
+
+
+def _with(value: Any, path: Path, name: str) -> Any:
+    """A target with the file of what was piped in for its sign."""
+    if name not in TARGETS or not _is_piped(value):
+        return value
+    if isinstance(value, list):
+        return [str(path) if each == STANDARD_INPUT else each for each in value]
+    return type(path)(path) if isinstance(value, Path) else str(path)
 
 
 def _keywords(given: dict[str, Any]) -> dict[str, Any]:

@@ -41,11 +41,13 @@ __all__ = [
     "with_path",
 ]
 
-#: What the columns of the tables of fits mean.
+#: Columns of errors of the tables of fits: head, key of the summary, and what it means.
 ERRORS = (
-    "Errors over all that was measured, the whole hemisphere. rel: relative RMS over directions; cbrt: the same of the "
-    "cube root of f cos cos; log: RMS of the logarithm over entries; albedo: largest relative error, 5 to 75 degrees. "
-    "Floor: no function of (theta_h, theta_d) has a lower rel."
+    ("rel", "rel", "rel: relative RMS over directions"),
+    ("cbrt", "cbrt", "cbrt: the same of the cube root of f cos cos"),
+    ("log", "log", "log: RMS of the logarithm over entries"),
+    ("albedo", "albedo", "albedo: largest relative error, 5 to 75 degrees"),
+    ("floor", "bivariate_floor", "floor: no function of (theta_h, theta_d) has a lower rel"),
 )
 #: What the columns of a comparison mean.
 MERIT = (
@@ -81,7 +83,9 @@ class _Table(Table):
 
 
 def _printable(part: Any) -> Any:
-    return _text.shown(part, keep="\n") if isinstance(part, str) else part
+    from dsbrdf.cli._app import called
+
+    return _text.shown(called(part), keep="\n") if isinstance(part, str) else part
 
 
 def _table(*columns: str, gap: int = 2) -> Table:
@@ -131,42 +135,45 @@ def _choice(criteria: Sequence[float]) -> Table:
 
 def print_fits(summaries: Sequence[Mapping[str, Any]], written: str = "") -> None:
     """Print a table of fits, one line a `Fit.summary`, and what was written."""
-    table = _table("material", "lobes", "numbers", *COLUMNS, "time\nms")
-    for row in summaries:
+    errors = [column for column in ERRORS if any(_number(row.get(column[1])) != "-" for row in summaries)]
+    remarks = [_remarks(row) for row in summaries]
+    # Of many materials each note is told once, and has a number
+    numbers = {text: str(i) for i, text in enumerate(dict.fromkeys(itertools.chain(*remarks)), 1)}
+    with_notes = len(summaries) > 1 and bool(numbers)
+    heads = [head for head, _, _ in errors]
+    table = _table("material", "lobes", "numbers", *heads, "time\nms", *(["notes"] if with_notes else []))
+    for row, about in zip(summaries, remarks, strict=True):
         table.add_row(
             row["name"],
             str(row["n_lobes"]),
             str(row["n_parameters"]),
-            *(_number(row.get(key)) for key in KEYS),
+            *(_number(row.get(key)) for _, key, _ in errors),
             f"{1e3 * row['seconds']:.0f}",
+            *([" ".join(numbers[text] for text in about)] if with_notes else []),
         )
     console = _console()
     console.print(table)
     console.print()
-    console.print(ERRORS)
-    for remark in _remarks(summaries):
-        console.print(remark)
+    if errors:
+        meanings = "; ".join(meaning for _, _, meaning in errors)
+        console.print(f"Errors over all that was measured, the whole hemisphere. {meanings}.")
+    for text, number in numbers.items():
+        console.print(f"{number if with_notes else summaries[0]['name']}: {text}.")
     if written:
         console.print(f"Written: {written}", soft_wrap=True)
 
 
-#: Columns of errors, and their names in summaries.
-COLUMNS = ("rel", "cbrt", "log", "albedo", "floor")
-KEYS = ("rel", "cbrt", "log", "albedo", "bivariate_floor")
-
-
-def _remarks(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What a table of fits does not say: what was read, of samples or if it is not r, g, b, and what is not covered."""
+def _remarks(row: Mapping[str, Any]) -> list[str]:
+    """What a line of a table of fits does not say: channels other than r, g, b, what was read of samples, what is
+    not covered.
+    """
+    channels = list(row.get("channels", ()))
     lines = []
-    for row in summaries:
-        channels = list(row.get("channels", ()))
-        if "remarks" in row or channels not in (["r", "g", "b"], []):
-            shown = ", ".join(channels[:8]) + (f", ... {len(channels)} in all" if len(channels) > 8 else "")
-            lines.append(f"{row['name']}: channels {shown}.")
-        lines += [f"{row['name']}: {remark}." for remark in row.get("remarks", ())]
-        if row.get("coverage"):
-            lines.append(f"{row['name']}: {row['coverage']}.")
-    return lines
+    if "remarks" in row or channels not in (["r", "g", "b"], []):
+        shown = ", ".join(channels[:8]) + (f", ... {len(channels)} in all" if len(channels) > 8 else "")
+        lines.append(f"channels {shown}")
+    lines += row.get("remarks", ())
+    return [*lines, row["coverage"]] if row.get("coverage") else lines
 
 
 def print_pictures(rows: Sequence[Row]) -> None:
@@ -272,10 +279,10 @@ def _finite(value: Any) -> Any:
 @contextlib.contextmanager
 def progress(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
     """Function that announces each of `total` pieces of work, on standard error if that is a terminal."""
-    from dsbrdf.cli._app import is_quiet
+    from dsbrdf.cli._app import is_quiet, is_verbose, trace
 
-    if not (shown and total and sys.stderr.isatty()) or is_quiet():
-        yield lambda _: None
+    if is_verbose() or not (shown and total and sys.stderr.isatty()) or is_quiet():
+        yield lambda about: trace(about) if about else None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 

@@ -18,7 +18,8 @@ def check(
         list[str],
         typer.Argument(
             metavar="MODEL|FILE|NAME",
-            help="Model files, names of the library, or what is fitted first: measured files, built-in materials.",
+            help="Model files, names of the library, or what is fitted first: measured files, built-in materials, or "
+            "- for text from standard input.",
             show_default=False,
         ),
     ],

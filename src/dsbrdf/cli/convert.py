@@ -38,7 +38,8 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
-            help="A measured file of any format, a model file, a folder of either, or a built-in material.",
+            help="A measured file of any format, a model file, a folder of either, a built-in material, or - for text "
+            "from standard input.",
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; a folder if IN is one.")],

@@ -32,17 +32,16 @@ def demo(
         bool, typer.Option("--view", help="Write a web page that shows the models, too.")
     ] = False,
 ) -> None:
-    """Fit the built-in materials; write models and plots."""
+    """Fit synthetic materials, formulas in place of measurements; write models and plots."""
     from dsbrdf.cli import _demo as demonstration
     from dsbrdf.cli import _report as report
-    from dsbrdf.measured import built_in
 
     check_folder(out)
     missing = missing_plots()
     if missing:
         note(f"no plots: {missing}")
     state: State = context.obj
-    with report.progress(len(built_in.names()) + (not missing)) as step:
+    with report.progress(len(demonstration.MATERIALS) + (not missing)) as step:
         rows = demonstration.run(out, plots=not missing, step=state.announce(step))
     written = "models" if missing else f"models and plots (all materials: {demonstration.OVERVIEW})"
     _print_rows(rows, f"{written} in {out}")
@@ -54,6 +53,7 @@ def demo(
 
 def _print_rows(rows: Sequence[DemoRow], written: str) -> None:
     """A line a material: errors, albedo, and the size of the model against that of the table."""
+    from dsbrdf.cli._demo import MATERIALS
     from dsbrdf.cli._report import _console, _table
 
     table = _table(
@@ -73,6 +73,10 @@ def _print_rows(rows: Sequence[DemoRow], written: str) -> None:
         )
     console = _console()
     console.print(table)
+    console.print()
+    for row in rows:
+        if row.fit.model.name in MATERIALS:
+            console.print(f"{row.fit.model.name}: {MATERIALS[row.fit.model.name]}")
     console.print()
     console.print(ABOUT)
     console.print(f"Written: {written}", soft_wrap=True)

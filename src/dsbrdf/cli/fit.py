@@ -46,7 +46,8 @@ def fit(
         list[str],
         typer.Argument(
             metavar="FILE",
-            help="Measured files (MERL, RGL, samples as text, ...), folders of them, or names of built-in materials.",
+            help="Measured files (MERL, RGL, samples as text, ...), folders of them, names of built-in materials, or "
+            "- for text from standard input.",
             show_default=False,
         ),
     ],

@@ -31,7 +31,8 @@ def info(
         str,
         typer.Argument(
             metavar="MODEL|FILE|NAME",
-            help="A model file, a name of the library, or what is fitted first: a measured file, a built-in material.",
+            help="A model file, a name of the library, or what is fitted first: a measured file, a built-in material, "
+            "or - for text from standard input.",
             show_default=False,
         ),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -40,11 +41,12 @@ SHOWN_LOBES = 3
 STRIP_THETA_D = float(np.deg2rad(40.0))
 STRIP_TITLE = r"BRDF (1/sr) over $\theta_h$ at $\theta_d$ = 40°"
 CAPTION = (
-    "Spheres: a distant light at 45° above left, another of 0.15 times its strength on the right; one "
-    "exposure a row, gamma 2.2. Errors over the whole hemisphere.\n"
+    "Spheres in a room with lamps, one exposure a row, gamma 2.2. Errors over the whole hemisphere.\n"
     "Curves: squares measured, lines fitted; left half $\\phi_d$ = 90°, right half $\\phi_d$ = 0°; degrees, "
     "square-root scale."
 )
+#: Letters of a line of a note in `demo_figure`.
+NOTE_WIDTH = 40
 
 
 def incident_plane(measured: MeasuredBRDF, row: int) -> tuple[Array, Array]:
@@ -350,13 +352,15 @@ def _linear_axis(axes: Any, values: Array) -> None:
     axes.set_ylim(1.08 * min(-1.0, float(values.min())), 1.08 * max(1.0, float(values.max())))
 
 
-def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
+def demo_figure(fits: Sequence[Fit], notes: Sequence[str] = (), *, n_pixels: int = 180) -> Figure:
     """Materials at a glance: spheres measured, fitted and by lobe, as in Fig. 7, and one theta_d of each.
 
     Parameters
     ----------
     fits : sequence of Fit
         One row each, of a table.
+    notes : sequence of str, optional
+        What to say of each.
     n_pixels : int, optional
         Width of a sphere.
 
@@ -370,15 +374,15 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
     """
     n_lobes = max(fit.model.n_lobes for fit in fits)
     lobes = [f"lobe {k}" for k in range(min(n_lobes, SHOWN_LOBES))] + ["others"] * (n_lobes > SHOWN_LOBES)
-    widths = [1.45, *[1.0] * (2 + len(lobes)), 0.4, 2.2]
-    width, height = 1.03 * sum(widths), 1.06 * len(fits) + 1.0
+    widths = [1.9, *[1.0] * (2 + len(lobes)), 0.35, 1.8]
+    width, height = 1.24 * sum(widths), 1.27 * len(fits) + 1.0
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
         margins = {"left": 0.012, "right": 0.988, "top": 1.0 - 0.3 / height, "bottom": 0.7 / height}
         margins |= {"wspace": 0.04, "hspace": 0.07}
         grid = figure.add_gridspec(len(fits), len(widths), width_ratios=widths, **margins)
         for row, fit in enumerate(fits):
-            _label(figure.add_subplot(grid[row, 0]), fit)
+            _label(figure.add_subplot(grid[row, 0]), fit, notes[row] if notes else "")
             spheres = [figure.add_subplot(grid[row, 1 + i]) for i in range(2 + len(lobes))]
             _draw_spheres(spheres, fit, n_pixels)
             _draw_strip(figure.add_subplot(grid[row, -1]), fit, last=row == len(fits) - 1)
@@ -389,23 +393,26 @@ def demo_figure(fits: Sequence[Fit], *, n_pixels: int = 160) -> Figure:
     return figure
 
 
-def _label(axes: Any, fit: Fit) -> None:
+def _label(axes: Any, fit: Fit, note: str) -> None:
     errors = fit.errors
     axes.axis("off")
-    axes.text(0.0, 0.62, plain(fit.model.name), weight="bold", fontsize=8.5)
+    axes.text(0.0, 0.82 if note else 0.62, plain(fit.model.name), weight="bold", fontsize=8.5)
     text = f"{_count(fit.model.n_lobes, 'lobe')}, {fit.model.n_parameters} numbers"
-    text += f"\nrel {errors.rel:.3f}, log {errors.log:.3f}"
-    text += f"\ncbrt {errors.cbrt:.3f}, albedo {errors.albedo:.3f}"
-    axes.text(0.0, 0.54, text, fontsize=7.5, va="top", linespacing=1.4)
+    text += f"\nrel {errors.rel:.3f}, log {errors.log:.3f}, cbrt {errors.cbrt:.3f}"
+    if note:
+        text += f"\n{textwrap.fill(note, NOTE_WIDTH)}"
+    axes.text(0.0, 0.75 if note else 0.54, text, fontsize=7.5, va="top", linespacing=1.35)
 
 
 def _draw_spheres(row: Sequence[Any], fit: Fit, n_pixels: int) -> None:
     for axes in row:
         axes.axis("off")
-    measured, fitted = (sphere.shade(shown, n_pixels) for shown in (_table(fit), fit.model))
-    lobes = [sphere.shade(fit.model.lobe(k), n_pixels) for k in range(fit.model.n_lobes)]
+    measured, fitted = (sphere.shade_in_room(shown, n_pixels) for shown in (_table(fit), fit.model))
+    n_lobes = fit.model.n_lobes
+    shown = [sphere.shade_in_room(fit.model.lobe(k), n_pixels) for k in range(min(n_lobes, SHOWN_LOBES))]
+    if n_lobes > SHOWN_LOBES:
+        shown.append(np.maximum(fitted - np.sum(shown, axis=0), 0.0))
     exposure = _exposure(measured)
-    shown = lobes[:SHOWN_LOBES] + ([np.sum(lobes[SHOWN_LOBES:], axis=0)] if lobes[SHOWN_LOBES:] else [])
     for axes, radiance in zip(row, [measured, fitted, *shown], strict=False):
         axes.imshow(sphere.picture(radiance, exposure), interpolation="antialiased")
 
@@ -420,8 +427,8 @@ def sphere_picture(fit: Fit, n_pixels: int = 120) -> str:
     >>> dsbrdf.plot.sphere_picture(found)[:22]
     'data:image/png;base64,'
     """
-    radiance = [sphere.shade(fit.measured, n_pixels)] if isinstance(fit.measured, MeasuredBRDF) else []
-    radiance.append(sphere.shade(fit.model, n_pixels))
+    shown = [fit.measured, fit.model] if isinstance(fit.measured, MeasuredBRDF) else [fit.model]
+    radiance = [sphere.shade_in_room(one, n_pixels) for one in shown]
     exposure = _exposure(radiance[0])
     buffer = io.BytesIO()
     matplotlib.image.imsave(

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf.geometry import lighting
 from dsbrdf.images import ImageFit, Light, relight
-from dsbrdf.render import lighting, picture
+from dsbrdf.render import picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf.geometry import lighting
 from dsbrdf.geometry.grids import SHAPE
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
 from dsbrdf.model.dsbrdf import DSBRDF
-from dsbrdf.render import lighting, variants
+from dsbrdf.render import variants
 
 __all__ = ["Reflectance", "View", "check_channels", "render", "world"]
 
@@ -42,17 +44,17 @@ class View:
     shape : str
         "sphere", or a mesh: a .ply, .obj or .serialized file; it is brought to the sphere's size.
     envmap : str or Path, optional
-        A latitude-longitude HDR or EXR map; the lighting of `dsbrdf.render.lighting` by default.
+        A latitude-longitude HDR or EXR map; the lighting of `dsbrdf.geometry.lighting` by default.
     size : int
         Width and height in pixels.
     spp : int
-        Samples a pixel.
+        Samples a pixel at least. Under 256, noise makes a CIEDE2000 of 0.3 to 0.5 in the mean.
     """
 
     shape: str = "sphere"
     envmap: str | Path | None = None
     size: int = 256
-    spp: int = 64
+    spp: int = 256
 
     def __post_init__(self) -> None:
         if min(self.size, self.spp) < 1:
@@ -143,6 +145,9 @@ def world(bsdf: dict[str, Any], view: View) -> Any:
 
 def _picture(world: Any, spp: int, seed: int) -> Array:
     mi = variants.import_mitsuba()
+    # The sampler has a grid of cells in a pixel, and would say that it rounds up
+    columns = math.isqrt(spp)
+    spp = columns * -(-spp // columns)
     image = np.array(mi.render(world, spp=spp, seed=seed), dtype=np.float64)
     return np.asarray(np.where(np.isfinite(image), image, 0.0))
 
@@ -160,7 +165,7 @@ def _camera(mi: Any, size: int) -> dict[str, Any]:
             "component_format": "float32",
             "rfilter": {"type": "gaussian"},
         },
-        "sampler": {"type": "independent"},
+        "sampler": {"type": "multijitter"},
     }
 
 

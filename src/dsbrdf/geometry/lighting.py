@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dsbrdf.geometry import panorama
 
-__all__ = ["LIGHTS", "Softbox", "studio"]
+__all__ = ["LIGHTS", "Softbox", "radiance", "studio"]
 
 Array = NDArray[np.float64]
 
@@ -62,13 +62,17 @@ def studio(height: int = 256) -> Array:
     (height, 2 height, 3) ndarray
         Radiance, linear RGB, in the frame of `dsbrdf.geometry.panorama`.
     """
-    direction = panorama.directions(height, 2 * height)
+    return radiance(panorama.directions(height, 2 * height))
+
+
+def radiance(direction: Array) -> Array:
+    """Radiance (..., 3) of the studio from unit vectors (..., 3); x is to the right, y up, z toward the camera."""
     above, level, below = (np.array(colour) for colour in ROOM)
     up = direction[..., 1:2]
-    radiance = level + np.maximum(up, 0.0) * (above - level) + np.maximum(-up, 0.0) * (below - level)
-    for light in LIGHTS:
-        radiance = radiance + _cover(direction, light)[..., None] * np.array(light.radiance)
-    return np.asarray(radiance)
+    light = level + np.maximum(up, 0.0) * (above - level) + np.maximum(-up, 0.0) * (below - level)
+    for box in LIGHTS:
+        light = light + _cover(direction, box)[..., None] * np.array(box.radiance)
+    return np.asarray(light)
 
 
 def _cover(direction: Array, light: Softbox) -> Array:
