@@ -397,7 +397,7 @@ def without_matplotlib(monkeypatch):
 
 @pytest.mark.usefixtures("without_matplotlib")
 def test_demo_without_matplotlib(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("dsbrdf.measured.built_in.names", lambda: ("satin-aluminium",))
+    monkeypatch.setattr("dsbrdf.cli._demo.MATERIALS", {"satin-aluminium": ""})
     status, out, err = run("demo", "--out", tmp_path / "demo")
     assert status == 0
     assert err == ['dsbrdf: no plots: dsbrdf.plot needs matplotlib: pip install "dsbrdf[plot]"']

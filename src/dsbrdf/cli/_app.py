@@ -114,12 +114,12 @@ class State:
             raise typer.Exit(1)
 
     def show_warning(
-        self, message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any
+        self, message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
     ) -> None:
         about = getattr(self.work, "about", "")
         named = not about or str(message).startswith(f"{Path(about).stem}: ")
         note(f"warning: {message}" if named else f"warning: {about}: {message}")
-        trace(f"{category.__name__}, {filename}:{line}")
+        trace(f"{category.__name__}, {filename}:{lineno}")
 
 
 def say(text: str) -> None:

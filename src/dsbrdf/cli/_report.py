@@ -55,6 +55,7 @@ MERIT = (
     "RMS over directions; cbrt: the same of the cube root of f cos cos; log: RMS of the logarithm; albedo: largest "
     "relative error, 5 to 75 degrees; CIEDE2000: mean colour difference of a sphere."
 )
+HEADS = tuple(head for head, _, _ in ERRORS)
 #: Columns of a table that goes to a file or a pipe.
 PLAIN_WIDTH = 160
 
@@ -246,7 +247,7 @@ def print_nearest(nearest: Sequence[tuple[str, float]]) -> None:
 
 def print_comparison(found: Comparison, out: Path | None) -> None:
     """Print medians of methods, and what was written."""
-    table = _table("method", "materials", "numbers", "seconds", *COLUMNS[:4], "CIEDE\n2000", "worst\ncbrt")
+    table = _table("method", "materials", "numbers", "seconds", *HEADS[:4], "CIEDE\n2000", "worst\ncbrt")
     for s in found.standings:
         seconds = f"{s.seconds:.2f}" if math.isfinite(s.seconds) else "-"
         numbers = f"{s.n_parameters:.0f}" if math.isfinite(s.n_parameters) else "-"

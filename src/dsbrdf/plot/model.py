@@ -427,8 +427,9 @@ def sphere_picture(fit: Fit, n_pixels: int = 120) -> str:
     >>> dsbrdf.plot.sphere_picture(found)[:22]
     'data:image/png;base64,'
     """
-    shown = [fit.measured, fit.model] if isinstance(fit.measured, MeasuredBRDF) else [fit.model]
-    radiance = [sphere.shade_in_room(one, n_pixels) for one in shown]
+    radiance = [sphere.shade_in_room(fit.model, n_pixels)]
+    if isinstance(fit.measured, MeasuredBRDF):
+        radiance.insert(0, sphere.shade_in_room(fit.measured, n_pixels))
     exposure = _exposure(radiance[0])
     buffer = io.BytesIO()
     matplotlib.image.imsave(
