@@ -221,7 +221,10 @@ def test_three_samples_are_a_lobe_without_curves():
     samples = in_plane(built_in.get("satin-aluminium").reflectance)
     few = Samples(samples.wi[::30], samples.wo[::30], samples.values[::30])
     assert len(few) == 3
-    assert fit(few).model.n_parameters == 6
+    found = fit(few)
+    assert found.model.n_parameters == 6
+    assert any("3 values hardly tell a material" in remark for remark in found.summary()["remarks"])
+    assert not any("hardly" in remark for remark in fit(samples, 1).summary()["remarks"])
 
 
 # The same bits

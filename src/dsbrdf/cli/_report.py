@@ -130,7 +130,10 @@ def _choice(criteria: Sequence[float]) -> Table:
     table.columns[-1].justify = "left"
     least = min(criteria)
     for k, value in enumerate(criteria, start=1):
-        table.add_row(str(k), f"{value:.0f}", "chosen: lowest" if value == least else "")
+        if math.isinf(value):
+            table.add_row(str(k), "-", "more numbers than so few values tell")
+        else:
+            table.add_row(str(k), f"{value:.0f}", "chosen: lowest" if value == least else "")
     return table
 
 
