@@ -25,6 +25,14 @@ class _Solution(TypedDict):
     iterations: int
     converged: bool
 
+class _Build(TypedDict):
+    version: str
+    target: str
+    profile: str
+    compiler: str
+    vectors: str
+    threads: int
+
 class _Options(Protocol):
     sizes: tuple[int, int, int, int, int]
     loss: str
@@ -53,6 +61,7 @@ class Observations:
         self, options: Any, n_lobes: int, x: list[float]
     ) -> tuple[float, _Floats, _Floats]: ...
 
+def build_info() -> _Build: ...
 def collapse(
     bytes: NDArray[np.uint8], shape: list[int], scale: _Floats, cos_2phi: _Floats, theta_d: list[int]
 ) -> _Floats: ...

@@ -5,16 +5,15 @@ use dsbrdf_core::growth::{Plan, Solution, refine, with_log_det};
 use dsbrdf_core::levenberg_marquardt::LeastSquares;
 use dsbrdf_core::observations::{Given, Observations as Core};
 use dsbrdf_core::shape::{Shape, Sizes};
-use numpy::{PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, elements, shaped, vector};
 use crate::pool;
 
 /// Half the cost, gradient and Hessian.
-type Equations<'py> = (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+type Equations<'py> = (f64, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 /// Observations (position, node, channel) that lobes are fitted to.
 #[pyclass(frozen)]
@@ -69,11 +68,11 @@ impl Options {
 impl Observations {
     #[new]
     fn new(
-        ln_cos: PyReadonlyArrayDyn<'_, f64>,
-        x: PyReadonlyArrayDyn<'_, f64>,
-        azimuth: PyReadonlyArrayDyn<'_, f64>,
-        value: PyReadonlyArrayDyn<'_, f64>,
-        weight: PyReadonlyArrayDyn<'_, f64>,
+        ln_cos: Array<f64>,
+        x: Array<f64>,
+        azimuth: Array<f64>,
+        value: Array<f64>,
+        weight: Array<f64>,
     ) -> PyResult<Self> {
         let shape = value.shape().to_vec();
         let [n, n_nodes, n_channels] = shape[..] else {
@@ -169,14 +168,14 @@ impl Observations {
             problem.linearise(&mut equations);
             (cost, equations.gradient.clone(), equations.dense())
         });
-        Ok((cost, PyArray1::from_vec(py, gradient), PyArray1::from_vec(py, hessian)))
+        Ok((cost, vector(py, &gradient)?, vector(py, &hessian)?))
     }
 }
 
 fn to_dict(py: Python<'_>, solution: Solution) -> PyResult<Bound<'_, PyDict>> {
     let result = PyDict::new(py);
     result.set_item("n_lobes", solution.shape.n_lobes)?;
-    result.set_item("x", PyArray1::from_vec(py, solution.x))?;
+    result.set_item("x", vector(py, &solution.x)?)?;
     result.set_item("squares", solution.squares)?;
     result.set_item("objective", solution.objective)?;
     result.set_item("log_det", solution.log_det)?;

@@ -3,11 +3,10 @@
 use dsbrdf_core::directions::{CHUNK, first_not_unit as find};
 use dsbrdf_core::evaluation::{Given, Lobes};
 use dsbrdf_core::paper::eval::Model;
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, array, elements, shaped};
 use crate::pool;
 
 /// Values (direction, channel) at `wi` and `wo` (direction, xyz) of curves (lobe, coefficient), colours (channel, lobe,
@@ -16,15 +15,15 @@ use crate::pool;
 #[allow(clippy::too_many_arguments)]
 pub fn eval<'py>(
     py: Python<'py>,
-    wi: PyReadonlyArrayDyn<'py, f64>,
-    wo: PyReadonlyArrayDyn<'py, f64>,
-    scale: PyReadonlyArrayDyn<'py, f64>,
-    gamma: PyReadonlyArrayDyn<'py, f64>,
-    beta: PyReadonlyArrayDyn<'py, f64>,
-    falloff: PyReadonlyArrayDyn<'py, f64>,
-    colour: PyReadonlyArrayDyn<'py, f64>,
+    wi: Array<f64>,
+    wo: Array<f64>,
+    scale: Array<f64>,
+    gamma: Array<f64>,
+    beta: Array<f64>,
+    falloff: Array<f64>,
+    colour: Array<f64>,
     azimuthal_width: f64,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let &[n_channels, n_lobes, _] = colour.shape() else {
         let got = colour.shape();
         return Err(PyValueError::new_err(format!(
@@ -57,16 +56,16 @@ pub fn eval<'py>(
 #[allow(clippy::too_many_arguments)]
 pub fn eval_slices<'py>(
     py: Python<'py>,
-    wi: PyReadonlyArrayDyn<'py, f64>,
-    wo: PyReadonlyArrayDyn<'py, f64>,
-    theta_d: PyReadonlyArrayDyn<'py, f64>,
-    kappa: PyReadonlyArrayDyn<'py, f64>,
-    gamma: PyReadonlyArrayDyn<'py, f64>,
-    beta: PyReadonlyArrayDyn<'py, f64>,
-    spike: PyReadonlyArrayDyn<'py, f64>,
+    wi: Array<f64>,
+    wo: Array<f64>,
+    theta_d: Array<f64>,
+    kappa: Array<f64>,
+    gamma: Array<f64>,
+    beta: Array<f64>,
+    spike: Array<f64>,
     azimuthal_width: f64,
     spike_sin2: f64,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let &[n_d, n_channels, n_lobes] = kappa.shape() else {
         let got = kappa.shape();
         return Err(PyValueError::new_err(format!(
@@ -95,11 +94,11 @@ pub fn eval_slices<'py>(
 /// Values (direction, channel) that `eval` writes for pairs of directions.
 fn values<'py>(
     py: Python<'py>,
-    wi: &PyReadonlyArrayDyn<'py, f64>,
-    wo: &PyReadonlyArrayDyn<'py, f64>,
+    wi: &Array<f64>,
+    wo: &Array<f64>,
     n_channels: usize,
     eval: impl Fn(&[f64], &[f64], &mut [f64]) + Send + Sync,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let wi = elements(wi, "wi")?;
     let wo = elements(wo, "wo")?;
     if wi.len() != wo.len() || wi.len() % 3 != 0 {
@@ -113,16 +112,12 @@ fn values<'py>(
     if n_channels > 0 {
         pool::run_if_above(CHUNK, n, py, || eval(wi, wo, &mut values));
     }
-    PyArray1::from_vec(py, values).reshape([n, n_channels].as_slice())
+    array(py, &values, [n, n_channels])
 }
 
 /// Index of the first of the `directions` (direction, xyz) whose length is not 1 within `tolerance`.
 #[pyfunction]
-pub fn first_not_unit(
-    py: Python<'_>,
-    directions: PyReadonlyArrayDyn<'_, f64>,
-    tolerance: f64,
-) -> PyResult<Option<usize>> {
+pub fn first_not_unit(py: Python<'_>, directions: Array<f64>, tolerance: f64) -> PyResult<Option<usize>> {
     let directions = elements(&directions, "directions")?;
     Ok(pool::run_if_above(CHUNK, directions.len() / 3, py, || find(directions, tolerance)))
 }

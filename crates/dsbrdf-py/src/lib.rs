@@ -1,6 +1,7 @@
 //! Python binding of `dsbrdf-core`: registrations only.
 
 mod arrays;
+mod build;
 mod estimation;
 mod evaluation;
 mod paper;
@@ -14,6 +15,8 @@ use pyo3::prelude::*;
 
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use crate::build::build_info;
     #[pymodule_export]
     use crate::estimation::Observations;
     #[pymodule_export]

@@ -6,16 +6,15 @@ use dsbrdf_core::paper::lobe::Lobe;
 use dsbrdf_core::paper::slice::{Loss, Slice};
 use dsbrdf_core::paper::slice_fit::SliceFit;
 use dsbrdf_core::profile::MOMENTS;
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, array, elements, shaped};
 use crate::pool;
 
 /// kappa and gamma as arrays.
-type ScaleAndShape<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
+type ScaleAndShape<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 /// Lobes as (kappa, gamma), the history of the objective, and whether the EM converged.
 type EmResult = (Vec<(f64, f64)>, Vec<f64>, bool);
 
@@ -25,15 +24,15 @@ type EmResult = (Vec<(f64, f64)>, Vec<f64>, bool);
 #[allow(clippy::too_many_arguments)]
 pub fn fit<'py>(
     py: Python<'py>,
-    moments: PyReadonlyArrayDyn<'py, f64>,
-    ln_cos: PyReadonlyArrayDyn<'py, f64>,
-    factor: PyReadonlyArrayDyn<'py, f64>,
+    moments: Array<f64>,
+    ln_cos: Array<f64>,
+    factor: Array<f64>,
     n_lobes: usize,
     method: &str,
     azimuthal: bool,
     follow: bool,
     log_offset: Option<f64>,
-    max_height: Option<PyReadonlyArrayDyn<'py, f64>>,
+    max_height: Option<Array<f64>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
     let method = match method {
@@ -71,7 +70,7 @@ pub fn fit<'py>(
 }
 
 /// The first three lengths of moments (theta_d, channel, theta_h, moment).
-fn profile_shape(moments: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[usize; 3]> {
+fn profile_shape(moments: &Array<f64>) -> PyResult<[usize; 3]> {
     match moments.shape() {
         &[n_d, n_channels, n_h, MOMENTS] => Ok([n_d, n_channels, n_h]),
         got => Err(PyValueError::new_err(format!(
@@ -84,8 +83,8 @@ fn profile_shape(moments: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[usize; 3]> 
 #[pyfunction]
 pub fn grow<'py>(
     py: Python<'py>,
-    moments: PyReadonlyArrayDyn<'py, f64>,
-    ln_cos: PyReadonlyArrayDyn<'py, f64>,
+    moments: Array<f64>,
+    ln_cos: Array<f64>,
     n_lobes: usize,
 ) -> PyResult<Vec<ScaleAndShape<'py>>> {
     let shape @ [n_d, n_channels, n_h] = profile_shape(&moments)?;
@@ -96,8 +95,8 @@ pub fn grow<'py>(
         grow_all(&slices(moments, ln_cos, &factor, None, shape, Loss::L2), n_lobes)
     });
     let part = |k: usize, part: fn(&Lobe) -> f64| {
-        let values = fits.iter().flat_map(|grown| &grown[k - 1]).map(part).collect();
-        PyArray1::from_vec(py, values).reshape([n_d, n_channels, k].as_slice())
+        let values: Vec<_> = fits.iter().flat_map(|grown| &grown[k - 1]).map(part).collect();
+        array(py, &values, [n_d, n_channels, k])
     };
     (1..=n_lobes).map(|k| Ok((part(k, |l| l.kappa)?, part(k, |l| l.gamma)?))).collect()
 }
@@ -107,17 +106,17 @@ fn lobes<'py>(
     fits: &[SliceFit],
     shape: [usize; 3],
     part: impl Fn(&Lobe) -> f64,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let values = fits.iter().flat_map(|fit| &fit.lobes).map(part).collect();
-    PyArray1::from_vec(py, values).reshape(shape.as_slice())
+) -> PyResult<Bound<'py, PyAny>> {
+    let values: Vec<_> = fits.iter().flat_map(|fit| &fit.lobes).map(part).collect();
+    array(py, &values, shape)
 }
 
 /// The EM of one slice with moments (theta_h, moment), from (kappa, gamma) lobes or the paper's start.
 #[pyfunction]
 #[pyo3(signature = (moments, ln_cos, n_lobes, *, max_rounds, tolerance, start=None))]
 pub fn em(
-    moments: PyReadonlyArrayDyn<'_, f64>,
-    ln_cos: PyReadonlyArrayDyn<'_, f64>,
+    moments: Array<f64>,
+    ln_cos: Array<f64>,
     n_lobes: usize,
     max_rounds: usize,
     tolerance: f64,

@@ -1,11 +1,10 @@
 //! Pictures as linear functions of the reflectance.
 
 use dsbrdf_core::picture::{AZIMUTHS, Lights, Nodes, Points, weights};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, array, elements, shaped};
 use crate::pool;
 
 /// Weights (pixel, theta_h, theta_d, azimuth, channel) of the values of a reflectance at nodes in the pixels of a picture.
@@ -16,17 +15,17 @@ use crate::pool;
 #[allow(clippy::too_many_arguments)]
 pub fn picture_weights<'py>(
     py: Python<'py>,
-    normal: PyReadonlyArrayDyn<'py, f64>,
-    view: PyReadonlyArrayDyn<'py, f64>,
+    normal: Array<f64>,
+    view: Array<f64>,
     start: Vec<usize>,
-    direction: PyReadonlyArrayDyn<'py, f64>,
-    flux: PyReadonlyArrayDyn<'py, f64>,
-    radius: PyReadonlyArrayDyn<'py, f64>,
-    parts: PyReadonlyArrayDyn<'py, i32>,
+    direction: Array<f64>,
+    flux: Array<f64>,
+    radius: Array<f64>,
+    parts: Array<i32>,
     n_roots: usize,
     nodes: (usize, usize),
     azimuthal_width: f64,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let &[n_lights, n_channels] = flux.shape() else {
         let got = flux.shape();
         return Err(PyValueError::new_err(format!("'flux' must have shape (light, channel), got {got:?}.")));
@@ -64,6 +63,5 @@ pub fn picture_weights<'py>(
     let nodes = Nodes { n_h: nodes.0, n_d: nodes.1, azimuthal_width };
     let mut found = vec![0.0; n_pixels * n_channels * nodes.len()];
     pool::run(py, || weights(&points, &lights, nodes, &mut found));
-    PyArray1::from_vec(py, found)
-        .reshape([n_pixels, nodes.n_h, nodes.n_d, AZIMUTHS.len(), n_channels].as_slice())
+    array(py, &found, [n_pixels, nodes.n_h, nodes.n_d, AZIMUTHS.len(), n_channels])
 }

@@ -30,6 +30,11 @@ pub fn run_if_above<T: Send>(
     if size > least { run(py, work) } else { py.detach(work) }
 }
 
+/// Threads that [`run`] works on.
+pub fn n_threads() -> usize {
+    threads().current_num_threads()
+}
+
 /// The pool of this process, made when it is first asked for and kept to the end.
 ///
 /// No lock: a fork may happen while another thread holds one.

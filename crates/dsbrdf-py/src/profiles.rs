@@ -2,11 +2,10 @@
 
 use dsbrdf_core::isotonic;
 use dsbrdf_core::profile::{MOMENTS, Table};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, array, elements, shaped, vector};
 use crate::pool;
 
 /// Moments (slice, channel, theta_h, moment) over phi_d of the rows `theta_d` of a table.
@@ -15,12 +14,12 @@ use crate::pool;
 #[pyfunction]
 pub fn collapse<'py>(
     py: Python<'py>,
-    bytes: PyReadonlyArrayDyn<'py, u8>,
+    bytes: Array<u8>,
     shape: [usize; 4],
-    scale: PyReadonlyArrayDyn<'py, f64>,
-    cos_2phi: PyReadonlyArrayDyn<'py, f64>,
+    scale: Array<f64>,
+    cos_2phi: Array<f64>,
     theta_d: Vec<usize>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let [n_channels, n_h, n_d, n_phi] = shape;
     let size = shape.iter().try_fold(size_of::<f64>(), |size, &n| size.checked_mul(n));
     let Some(size) = size else {
@@ -36,17 +35,13 @@ pub fn collapse<'py>(
         cos_2phi: shaped(&cos_2phi, &[n_phi], "cos_2phi")?,
     };
     let moments = pool::run(py, || table.collapse(&theta_d));
-    PyArray1::from_vec(py, moments).reshape([theta_d.len(), n_channels, n_h, MOMENTS].as_slice())
+    array(py, &moments, [theta_d.len(), n_channels, n_h, MOMENTS])
 }
 
 /// Non-increasing values nearest to `y` in weighted least squares.
 #[pyfunction]
-pub fn decreasing<'py>(
-    py: Python<'py>,
-    y: PyReadonlyArrayDyn<'py, f64>,
-    weight: PyReadonlyArrayDyn<'py, f64>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+pub fn decreasing<'py>(py: Python<'py>, y: Array<f64>, weight: Array<f64>) -> PyResult<Bound<'py, PyAny>> {
     let y = elements(&y, "y")?;
     let weight = shaped(&weight, &[y.len()], "weight")?;
-    Ok(PyArray1::from_vec(py, isotonic::decreasing(y, weight)))
+    vector(py, &isotonic::decreasing(y, weight))
 }

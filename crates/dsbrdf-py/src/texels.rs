@@ -3,22 +3,16 @@
 use dsbrdf_core::estimator::Prior;
 use dsbrdf_core::shape::{Shape, Sizes};
 use dsbrdf_core::texels::{Coordinates, Plan, Positions, Quality, Weighing, evaluate};
-use numpy::{PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{elements, shaped};
+use crate::arrays::{Array, elements, shaped, vector};
 use crate::pool;
 
 /// Unknowns (texel, unknown), squares (texel,), uncertainties (texel,) and iterations (texel,).
-type Found<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<u32>>,
-);
+type Found<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 /// `ln cos(theta_h)`, `cos(theta_d)` and azimuth of positions.
-type Angles<'py> = (PyReadonlyArrayDyn<'py, f64>, PyReadonlyArrayDyn<'py, f64>, PyReadonlyArrayDyn<'py, f64>);
+type Angles<'py> = (Array<f64>, Array<f64>, Array<f64>);
 
 /// Lobes, channels, and coefficients of scale, gamma, beta, falloff and colour.
 #[derive(FromPyObject)]
@@ -69,7 +63,7 @@ impl TexelPlan {
         cos_product: Vec<f64>,
         weighing: ([f64; 4], f64, f64, f64),
         prior: (Vec<f64>, Vec<f64>),
-        starts: PyReadonlyArrayDyn<'_, f64>,
+        starts: Array<f64>,
         reference: Angles<'_>,
         iterations: usize,
     ) -> PyResult<Self> {
@@ -94,26 +88,26 @@ impl TexelPlan {
 
     /// Fits texels (texel, direction, channel) of single or double precision.
     fn fit<'py>(&self, py: Python<'py>, values: Bound<'py, PyAny>) -> PyResult<Found<'py>> {
-        let (unknowns, quality) = if let Ok(values) = values.extract::<PyReadonlyArrayDyn<'py, f32>>() {
+        let (unknowns, quality) = if let Ok(values) = values.extract::<Array<f32>>() {
             let values = self.checked(&values)?;
             pool::run(py, || self.plan.fit(values))
         } else {
-            let values = values.extract::<PyReadonlyArrayDyn<'py, f64>>()?;
+            let values = values.extract::<Array<f64>>()?;
             let values = self.checked(&values)?;
             pool::run(py, || self.plan.fit(values))
         };
-        let numbers = |of: fn(&Quality) -> f64| PyArray1::from_iter(py, quality.iter().map(of));
+        let numbers = |of: fn(&Quality) -> f64| vector(py, &quality.iter().map(of).collect::<Vec<_>>());
         Ok((
-            PyArray1::from_vec(py, unknowns),
-            numbers(|q| q.squares),
-            numbers(|q| q.uncertainty),
-            PyArray1::from_iter(py, quality.iter().map(|q| q.iterations)),
+            vector(py, &unknowns)?,
+            numbers(|q| q.squares)?,
+            numbers(|q| q.uncertainty)?,
+            vector(py, &quality.iter().map(|q| q.iterations).collect::<Vec<_>>())?,
         ))
     }
 }
 
 impl TexelPlan {
-    fn checked<'a, T: numpy::Element>(&self, values: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
+    fn checked<'a, T: pyo3::buffer::Element>(&self, values: &'a Array<T>) -> PyResult<&'a [T]> {
         let n = values.shape().first().copied().unwrap_or(0);
         shaped(values, &[n, self.plan.cell.len(), self.plan.shape.n_channels], "values")
     }
@@ -124,12 +118,12 @@ impl TexelPlan {
 pub fn eval_texels<'py>(
     py: Python<'py>,
     layout: Layout,
-    unknowns: PyReadonlyArrayDyn<'py, f64>,
+    unknowns: Array<f64>,
     at: Angles<'py>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let shape = layout.shape()?;
     let n = unknowns.shape().first().copied().unwrap_or(0);
     let given = shaped(&unknowns, &[n, shape.n_unknowns()], "unknowns")?;
     let positions = positions(&shape, &at)?;
-    Ok(PyArray1::from_vec(py, pool::run(py, || evaluate(&shape, &positions, given))))
+    vector(py, &pool::run(py, || evaluate(&shape, &positions, given)))
 }

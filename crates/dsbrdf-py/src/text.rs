@@ -1,8 +1,9 @@
 //! Binding of `text`.
 
 use dsbrdf_core::text::{self, Layout};
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+
+use crate::arrays::array;
 
 /// Numbers (line, used column) of a block of whole lines, None if they are not plain.
 #[pyfunction]
@@ -13,12 +14,12 @@ pub fn plain_numbers<'py>(
     n_columns: usize,
     used: Vec<usize>,
     comma: bool,
-) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+) -> PyResult<Option<Bound<'py, PyAny>>> {
     let width = used.len();
     let layout = Layout { delimiter, n_columns, used: &used, comma };
     let Some(numbers) = py.detach(|| text::plain_numbers(block, &layout)) else {
         return Ok(None);
     };
     let n = numbers.len() / width.max(1);
-    Ok(Some(PyArray1::from_vec(py, numbers).reshape([n, width])?))
+    Ok(Some(array(py, &numbers, [n, width])?))
 }

@@ -245,9 +245,12 @@ def _trace_versions() -> None:
     import platform
     from importlib import metadata
 
+    from dsbrdf._core import build_info
+
     packages = [f"{name} {metadata.version(name)}" for name in ("dsbrdf", "numpy", "scipy")]
     python = f"Python {platform.python_version()}"
     trace(f"{', '.join([*packages, python])}, {platform.platform()}, {os.cpu_count()} cores")
+    trace("kernel: {target}, {profile}, {compiler}; {vectors}, {threads} threads".format(**build_info()))
 
 
 def _invoke(arguments: list[str], state: State) -> int:
