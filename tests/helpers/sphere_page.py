@@ -1,6 +1,7 @@
 """A sphere of the web page in a tab of its own, for tests, and the geometry of its picture."""
 
 import contextlib
+import functools
 import json
 import warnings
 
@@ -55,9 +56,15 @@ def quiet_fit(measured, n_lobes="auto"):
         return dsbrdf.fit(measured, n_lobes)
 
 
+@functools.cache
+def model_of(name, n_lobes):
+    """The model of a built-in material, fitted once."""
+    return quiet_fit(dsbrdf.material(name), n_lobes).model
+
+
 def fitted(*names):
     """Models of built-in materials by name."""
-    return {name: quiet_fit(dsbrdf.material(name), 3).model for name in names}
+    return {name: model_of(name, 3) for name in names}
 
 
 @contextlib.contextmanager

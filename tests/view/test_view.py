@@ -9,7 +9,7 @@ import zlib
 
 import numpy as np
 import pytest
-from sphere_page import quiet_fit
+from sphere_page import model_of
 
 import dsbrdf
 from dsbrdf import cli, shader
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::dsbrdf.ConvergenceWarning")
 
 @pytest.fixture(scope="module")
 def model():
-    return quiet_fit(dsbrdf.material("rough-gold"), 2).model
+    return model_of("rough-gold", 2)
 
 
 def changed(model, kappa=1.0, gamma=1.0):

@@ -9,13 +9,13 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from browser import watched
 from page_tools import NO_WEBGL, click_material, curve_on_screen, faults, map_state, settle, values_in_page
-from sphere_page import quiet_fit
+from sphere_page import model_of
 
 import dsbrdf
-from dsbrdf import Lobes
+from dsbrdf import Lobes, cli
 from dsbrdf.geometry import half_diff
 from dsbrdf.model.components import components
-from dsbrdf.view import view
+from dsbrdf.view import layout, view
 
 #: Materials and their numbers of lobes.
 NAMES = {"rough-gold": 2, "glossy-plastic": 3, "polished-chrome": 2}
@@ -30,7 +30,7 @@ READY = "window.dsbrdf && document.querySelector('#albedo-plot svg')"
 
 @pytest.fixture(scope="module")
 def models():
-    return [quiet_fit(dsbrdf.material(name), n).model for name, n in NAMES.items()]
+    return [model_of(name, n) for name, n in NAMES.items()]
 
 
 @pytest.fixture(scope="module")
@@ -479,3 +479,211 @@ def test_a_hundred_materials(show, models, tmp_path):
     page = show(file=file)
     assert len(map_state(page)["chips"]) >= 30
     assert faults(page) == []
+
+
+def collection(n, rng):
+    """Models that differ from those of the library by their heights and sharpness."""
+    library = [dsbrdf.library.load(name) for name in dsbrdf.library.names()[::9]]
+    models = []
+    for i in range(n):
+        model = library[i % len(library)]
+        lobes = model.lobes
+        scale, gamma = (x + rng.normal(0.0, 0.3, (len(x), 1)) for x in (lobes.scale, lobes.gamma))
+        models.append(
+            model.replace(name=f"{model.name} {i:05d}", lobes=lobes.replace(scale=scale, gamma=gamma))
+        )
+    return models
+
+
+@pytest.fixture(scope="module")
+def five_hundred(tmp_path_factory):
+    """A library file of so many materials, as the command line shows it."""
+    folder = tmp_path_factory.mktemp("collection")
+    models = collection(500, np.random.default_rng(5))
+    dsbrdf.library.write(folder / "many.dsbrdf", models)
+    assert cli.main(["view", str(folder / "many.dsbrdf"), "-o", str(folder / "many.html"), "-q"]) == 0
+    return models, folder / "many.html"
+
+
+def elements(page):
+    return page.evaluate("document.querySelectorAll('*').length")
+
+
+def test_a_collection_is_found_by_name(show, five_hundred):
+    models, file = five_hundred
+    page = show(file=file)
+    field = page.locator("#material")
+    field.click()
+    field.fill("alum 0")
+    options = page.locator("#material-list [role=option]")
+    found = page.evaluate("dsbrdf.search('alum 0').map(i => dsbrdf.materials[i].name)")
+    assert found == [model.name for model in models if "alum" in model.name]
+    assert options.all_inner_texts() == found[:40]
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowUp")
+    active = field.get_attribute("aria-activedescendant")
+    assert page.locator(f"#{active}").inner_text() == found[1]
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.title() == f"{found[1]} · dsbrdf"
+    assert not options.first.is_visible()
+    # What is not found is not taken
+    field.fill("nothing of this name")
+    assert options.all_inner_texts() == ["No material of this name"]
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")
+    assert field.input_value() == found[1]
+    page.locator("#second").evaluate("field => field.focus()")
+    page.keyboard.type(models[3].name)
+    page.keyboard.press("Enter")
+    assert page.evaluate("dsbrdf.state.second") == 3
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowUp")
+    for _ in range(5):
+        page.keyboard.press("ArrowUp")
+    page.keyboard.press("Enter")
+    assert page.evaluate("dsbrdf.state.second") is None
+    assert faults(page) == []
+
+
+def test_the_nearest_are_those_of_python(show, five_hundred):
+    models, file = five_hundred
+    page = show(f"#material={models[7].name}", file=file)
+    coordinates = layout.likeness(models)
+    distance = np.linalg.norm(coordinates - coordinates[7], axis=1)
+    order = np.argsort(distance)[1:9]
+    got = page.evaluate("dsbrdf.nearest(7)")
+    assert [one["name"] for one in got] == [models[i].name for i in order]
+    np.testing.assert_allclose([one["distance"] for one in got], distance[order], rtol=1e-4)
+    button = page.locator("#nearest button").first
+    assert button.inner_text().startswith(models[order[0]].name)
+    button.click(modifiers=["Shift"])
+    assert page.evaluate("dsbrdf.state.second") == order[0]
+    page.locator("#nearest button").nth(1).click()
+    assert page.evaluate("dsbrdf.state.material") == order[1]
+
+
+def test_the_map_zooms_until_each_is_a_sphere(show, five_hundred):
+    models, file = five_hundred
+    page = show(file=file)
+    settle(page)
+    few = elements(page)
+    assert few < 1000
+    first = map_state(page)
+    assert 20 < len(first["chips"]) < 250
+    # A material that is a point at first, on which the wheel zooms
+    hidden = next(i for i in range(499, 0, -1) if i not in first["chips"])
+    page.focus("#map-canvas")
+    place = page.locator("#map-canvas").bounding_box()
+    page.mouse.move(place["x"] + first["x"][hidden], place["y"] + first["y"][hidden])
+    for _ in range(30):
+        if hidden in map_state(page)["chips"]:
+            break
+        page.mouse.wheel(0, -300)
+        settle(page)
+    near = map_state(page)
+    assert near["zoom"] > 2.0
+    # It stayed under the pointer, and what is shown has room
+    at = np.array([near["x"], near["y"]]).T
+    assert np.hypot(*(at[hidden] - [first["x"][hidden], first["y"][hidden]])) < 2.0
+    shown = at[near["chips"]]
+    gaps = np.hypot(*(shown[:, None] - shown).transpose(2, 0, 1)) + 1e3 * np.eye(len(shown))
+    assert np.median(gaps.min(1)) > 15.0
+    page.mouse.down()
+    page.mouse.up()
+    settle(page)
+    assert page.title() == f"{models[hidden].name} · dsbrdf"
+    assert models[hidden].name in page.locator(".map-name").all_inner_texts()
+    # Dragged, it moves as far as the pointer
+    page.mouse.down()
+    page.mouse.move(place["x"] + first["x"][hidden] + 20, place["y"] + first["y"][hidden] + 10, steps=4)
+    page.mouse.up()
+    settle(page)
+    moved = map_state(page)
+    np.testing.assert_allclose(
+        [moved["x"][hidden] - at[hidden, 0], moved["y"][hidden] - at[hidden, 1]], [20, 10], atol=1.5
+    )
+    assert page.title() == f"{models[hidden].name} · dsbrdf"
+    for _ in range(2):
+        page.keyboard.press("-")
+    page.keyboard.press("0")
+    settle(page)
+    assert map_state(page)["zoom"] == 1.0
+    assert abs(elements(page) - few) < 60
+    assert faults(page) == []
+
+
+@pytest.mark.slow
+def test_ten_thousand_materials(show, tmp_path):
+    """The page is small, the elements on it few, whatever is done."""
+    models = collection(10_000, np.random.default_rng(6))
+    view(models, tmp_path / "many.html")
+    assert (tmp_path / "many.html").stat().st_size < 600 * len(models)
+    page = show(file=tmp_path / "many.html")
+    page.locator("#material").click()
+    page.keyboard.type("04999")
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.title() == f"{models[4999].name} · dsbrdf"
+    page.focus("#map-canvas")
+    for _ in range(8):
+        page.keyboard.press("+")
+    settle(page)
+    state = map_state(page)
+    assert state["zoom"] > 20.0
+    assert 4999 in state["chips"]
+    assert elements(page) < 1000
+    assert faults(page) == []
+
+
+def test_coarse_while_dragged(show):
+    """On a slow device samples are larger while the sphere is dragged; its place on the page is the same."""
+    page = show(webgl=True)
+    page.wait_for_function("dsbrdf.sphere.nSamples >= 1")
+    box = page.locator("#sphere").bounding_box()
+    whole = page.evaluate("[dsbrdf.sphere.canvas.width, dsbrdf.sphere.pixels().width]")
+    assert whole[0] == whole[1]
+    sizes = page.evaluate("""async () => {
+        const { sphere } = dsbrdf;
+        const frame = () => new Promise((done) => requestAnimationFrame(done));
+        sphere.draggedCoarseness = 4;
+        for (let i = 0; i < 3; i++) {
+            sphere.rotateView(0.05, 0);
+            await frame();
+        }
+        return [sphere.canvas.width, sphere.pixels().width, sphere.coarseness];
+    }""")
+    assert sizes[0] == whole[0]
+    assert sizes[1] == -(-whole[0] // sizes[2])
+    assert sizes[2] > 1
+    assert page.locator("#sphere").bounding_box() == box
+    page.wait_for_function("dsbrdf.sphere.pixels().width === dsbrdf.sphere.canvas.width")
+    page.wait_for_function("dsbrdf.sphere.nSamples >= 1")
+    assert faults(page) == []
+
+
+def test_channels_in_any_order_have_their_colours(show, models, tmp_path):
+    """Gold of the channels b, g, r, and of wavelengths from long to short, looks as that of r, g, b."""
+    lobes = models[0].lobes
+    reverse = dsbrdf.DSBRDF(lobes.replace(colour=lobes.colour[::-1]), ["b", "g", "r"], "bgr")
+    lines = dsbrdf.DSBRDF(lobes, ["650nm", "550nm", "450nm"], "lines")
+    odd = dsbrdf.DSBRDF(lobes, ["p", "q", "s"], "odd")
+    view([models[0], reverse, lines, odd], tmp_path / "page.html")
+    page = show(file=tmp_path / "page.html")
+    middle = "(() => { const c = document.getElementById('slice-fitted'); return [...c.getContext('2d')" \
+        ".getImageData(c.width / 2, c.height / 2, 1, 1).data]; })()"  # fmt: skip
+    seen = []
+    for i in range(4):
+        page.evaluate(f"dsbrdf.setState({{ material: {i} }})")
+        page.wait_for_timeout(250)
+        seen.append(page.evaluate(middle)[:3])
+        facts = page.locator("#facts").inner_text()
+        assert ("false colours: p, q, s as red, green, blue" in facts) == (i == 3)
+    assert seen[1] == seen[0] == seen[3]
+    # Gold: more red than green than blue
+    assert seen[2][0] > seen[2][1] > seen[2][2]
+    page.evaluate("dsbrdf.setState({ material: 1 })")
+    settle(page)
+    assert page.locator("#channels span").all_inner_texts() == ["All", "Blue", "Green", "Red"]
+    assert page.locator("#curves-plot path[data-channel='0']").get_attribute("stroke") == "var(--blue)"

@@ -1,6 +1,5 @@
 // Small pictures of materials: two distant lights, those of dsbrdf.model.sphere, in a bright room.
 
-import { albedo } from "./albedo.js";
 import { asRgb, evaluate } from "./material.js";
 import { meta } from "./meta.js";
 
@@ -18,7 +17,6 @@ const LIGHTS = meta.lights.map(([toward, irradiance]) => {
 const LIT = 0.6;
 const ROOM = 0.4;
 const N_THETA_H = 64;
-const N_PHI = 6;
 /** Radians from the normal at which the room is seen. */
 const ROOM_ANGLE = Math.PI / 6;
 const display = (value) => 255 * Math.min(1, value) ** (1 / 2.2);
@@ -49,10 +47,29 @@ function addLight(radiance, normal, [across, along], { light, irradiance, half, 
   }
 }
 
-/** Draw a material as a sphere on `canvas`, `size` pixels wide; a perfect diffuser is white. */
-export function drawChip(canvas, model, size) {
-  canvas.width = canvas.height = size;
-  const room = asRgb(model, albedo(model, ROOM_ANGLE, N_PHI)).map((value) => (ROOM * value) / (LIT * Math.PI));
+/** theta_h and weights of a few nodes, denser toward the pole; beyond, what is reflected goes below the horizon. */
+const FEW_NODES = Array.from({ length: 8 }, (_, i) => {
+  const u = (i + 0.5) / 8;
+  const thetaH = (Math.PI / 4) * u * u;
+  const solidAngle = 2 * Math.PI * Math.sin(thetaH) * (Math.PI / 4) * 2 * u * (1 / 8);
+  return { thetaH, weight: solidAngle * 4 * Math.cos(ROOM_ANGLE) * Math.cos(2 * thetaH) };
+});
+
+/** About the albedo in red, green and blue, of the values at one theta_d. */
+function roomColour(model) {
+  const total = new Float64Array(model.nChannels);
+  for (const { thetaH, weight } of FEW_NODES) {
+    evaluate(model, thetaH, ROOM_ANGLE, 0).forEach((value, c) => (total[c] += weight * value));
+  }
+  return asRgb(model, total);
+}
+
+/** The colour of a material as a point. */
+export const pointColour = (model) => `rgb(${roomColour(model).map(display).map(Math.round).join()})`;
+
+/** A picture of a material as a sphere, `size` pixels wide; a perfect diffuser is white. */
+export function chipImage(model, size) {
+  const room = roomColour(model).map((value) => (ROOM * value) / (LIT * Math.PI));
   const tables = LIGHTS.map((light) => tabulate(model, light));
   const image = new ImageData(size, size);
   const radiance = new Float64Array(3);
@@ -66,22 +83,11 @@ export function drawChip(canvas, model, size) {
     for (let c = 0; c < 3; c++) image.data[4 * i + c] = display(LIT * Math.PI * radiance[c]);
     image.data[4 * i + 3] = 255;
   }
-  canvas.getContext("2d").putImageData(image, 0, 0);
+  return image;
 }
 
-/** theta_h and weights of a few nodes, denser toward the pole; beyond, what is reflected goes below the horizon. */
-const FEW_NODES = Array.from({ length: 8 }, (_, i) => {
-  const u = (i + 0.5) / 8;
-  const thetaH = (Math.PI / 4) * u * u;
-  const solidAngle = 2 * Math.PI * Math.sin(thetaH) * (Math.PI / 4) * 2 * u * (1 / 8);
-  return { thetaH, weight: solidAngle * 4 * Math.cos(ROOM_ANGLE) * Math.cos(2 * thetaH) };
-});
-
-/** The colour of a material as a point: about its albedo, of the values at one theta_d. */
-export function pointColour(model) {
-  const total = new Float64Array(model.nChannels);
-  for (const { thetaH, weight } of FEW_NODES) {
-    evaluate(model, thetaH, ROOM_ANGLE, 0).forEach((value, c) => (total[c] += weight * value));
-  }
-  return `rgb(${asRgb(model, total).map(display).map(Math.round).join()})`;
+/** `chipImage` on a canvas. */
+export function drawChip(canvas, model, size) {
+  canvas.width = canvas.height = size;
+  canvas.getContext("2d").putImageData(chipImage(model, size), 0, 0);
 }

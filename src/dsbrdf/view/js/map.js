@@ -3,14 +3,14 @@
 // A material has room for all zooms above one that depends on those before it in the list alone; so what is a sphere
 // stays one while the map moves, and few are drawn however many there are.
 
-import { drawChip, pointColour } from "./chips.js";
+import { chipImage, pointColour } from "./chips.js";
 import { materials, places } from "./data.js";
 import { meta } from "./meta.js";
 import { formatNumber, html, onResize } from "./plot.js";
 import { canBlend, chooseSecond, setState, state, subscribe } from "./state.js";
 
 /** Pixels of a picture, its least and greatest size on the page; smaller where there are many materials. */
-const CHIP = 66;
+const CHIP = 54;
 const [SMALL, LARGE, MANY, SHRINK] = [30, 44, 40, 0.73];
 /** Pictures may come so near each other, in sizes of one. */
 const OVERLAP = 0.8;
@@ -143,7 +143,7 @@ function draw() {
     const picture = pictureOf(i, until);
     if (picture) context.drawImage(picture, drawn.x[i] - size / 2, drawn.y[i] - size / 2, size, size);
     else {
-      isDone = false;
+      isDone &&= pictures.has(i);
       context.fillStyle = colours[i] ??= pointColour(materials[i]);
       context.beginPath();
       context.arc(drawn.x[i], drawn.y[i], size / 2, 0, 2 * Math.PI);
@@ -166,16 +166,17 @@ function colour(until) {
 const hasRoom = (i, size) => room[i] * view.zoom >= OVERLAP * size;
 const isChosen = (i) => i === state.material || i === state.second || i === cursor;
 
-/** The picture of a material, drawn if there is time for it. */
+/** The picture of a material; begun if there is time for it. */
 function pictureOf(i, until) {
-  const known = pictures.get(i);
-  if (known) return known;
-  if (performance.now() > until) return null;
-  const picture = html("canvas");
-  drawChip(picture, materials[i], CHIP);
-  pictures.set(i, picture);
-  if (pictures.size > KEPT) pictures.delete(pictures.keys().next().value);
-  return picture;
+  if (!pictures.has(i) && performance.now() < until) {
+    pictures.set(i, null);
+    createImageBitmap(chipImage(materials[i], CHIP)).then((picture) => {
+      pictures.set(i, picture);
+      redraw();
+    });
+    if (pictures.size > KEPT) pictures.delete(pictures.keys().next().value);
+  }
+  return pictures.get(i) ?? null;
 }
 
 function rings(size) {

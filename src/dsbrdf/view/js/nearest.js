@@ -13,9 +13,11 @@ const list = document.getElementById("nearest");
 /** The `n` materials nearest to one in the map's coordinates, and their distances. */
 export function nearest(index, n = COUNT) {
   const from = places[index].coordinates;
-  const distances = Float32Array.from(places, ({ coordinates }) =>
-    Math.hypot(...coordinates.map((value, i) => value - from[i])),
-  );
+  const distances = Float32Array.from(places, ({ coordinates }) => {
+    let sum = 0;
+    for (let i = 0; i < from.length; i++) sum += (coordinates[i] - from[i]) ** 2;
+    return Math.sqrt(sum);
+  });
   const order = [...materials.keys()].filter((i) => i !== index);
   order.sort((a, b) => distances[a] - distances[b]);
   return order.slice(0, n).map((i) => ({ index: i, name: materials[i].name, distance: distances[i] }));

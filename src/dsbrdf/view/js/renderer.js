@@ -23,6 +23,7 @@ export class Renderer {
     this.targets = [];
     this.fence = null;
     this.samples = 0;
+    this.band = 0;
     this.allocate();
   }
 
@@ -46,6 +47,7 @@ export class Renderer {
   clear() {
     this.targets[0].clear();
     this.samples = 0;
+    this.band = 0;
   }
 
   #texture(image, smooth = false) {
@@ -68,8 +70,11 @@ export class Renderer {
     };
   }
 
-  /** Add `nPairs` samples to each pixel; rotations are those of `rotation.js`. */
-  accumulate({ camera, toEnvironment, pointLight, lighting, nPairs, isSplit }) {
+  /**
+   * Add `nPairs` samples to each pixel, or to those of the next of `nBands` bands of rows; they count when all have
+   * them. Rotations are those of `rotation.js`. Returns whether all have them.
+   */
+  accumulate({ camera, toEnvironment, pointLight, lighting, nPairs, isSplit, nBands = 1 }) {
     const { gl } = this;
     const [from, to] = this.targets;
     const uniforms = {
@@ -87,6 +92,8 @@ export class Renderer {
       u_n_pairs: nPairs,
       u_n_before: this.samples,
     };
+    if (nBands !== this.nBands) Object.assign(this, { nBands, band: 0 });
+    const [bottom, top] = [this.band, this.band + 1].map((edge) => Math.floor((to.height * edge) / nBands));
     const middle = isSplit ? Math.floor(to.width / 2) : to.width;
     to.bind();
     gl.enable(gl.SCISSOR_TEST);
@@ -96,7 +103,7 @@ export class Renderer {
     ]) {
       if (left === right) continue;
       const { parameters, profile } = this.halves[slot];
-      gl.scissor(left, 0, right - left, to.height);
+      gl.scissor(left, bottom, right - left, top - bottom);
       this.sphere.draw({
         ...uniforms,
         u_parameters: parameters,
@@ -105,10 +112,16 @@ export class Renderer {
       });
     }
     gl.disable(gl.SCISSOR_TEST);
-    this.targets = [to, from];
-    this.samples += nPairs;
     if (this.fence) gl.deleteSync(this.fence);
     this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.band = (this.band + 1) % nBands;
+    if (this.band > 0) {
+      gl.flush();
+      return false;
+    }
+    this.targets = [to, from];
+    this.samples += nPairs;
+    return true;
   }
 
   /** The mean of the samples on the canvas, times `exposure`. */

@@ -40,6 +40,7 @@ export const LIGHTINGS = [
 const POINT_LIGHT = [-0.5, 0.5, Math.SQRT1_2];
 const MAX_PITCH = 1.5;
 const MAX_PAIRS = 16;
+const MAX_BANDS = 16;
 /** Frames that take less or more, in ms, get more or fewer samples. */
 const [SHORT_FRAME, LONG_FRAME] = [25, 60];
 /** Pixels across one sample while something is dragged, at most, and ms without a change until it is at rest. */
@@ -66,7 +67,11 @@ export class Sphere {
     this.coarseness = 1;
     this.draggedCoarseness = MAX_COARSENESS;
     this.changed = -Infinity;
-    this.submitted = 0;
+    this.waitUntil = -Infinity;
+    /** The picture is drawn in so many bands, one a frame: more than one on a slow device. */
+    this.nBands = 1;
+    this.duration = 0;
+    this.submitted = NaN;
     this.handle = null;
     this.isRunning = false;
     this.resetRotation();
@@ -145,6 +150,11 @@ export class Sphere {
     this.#schedule();
   }
 
+  /** On a slow device, draw nothing for a moment: something else on the page is in use. */
+  giveWay() {
+    this.waitUntil = performance.now() + REST;
+  }
+
   stop() {
     this.isRunning = false;
     if (this.handle !== null) cancelAnimationFrame(this.handle);
@@ -153,20 +163,27 @@ export class Sphere {
 
   /** Add samples to each pixel now, and show them. */
   render() {
-    if (!this.materials.length) return;
-    this.#guard((renderer) => {
-      renderer.accumulate({
+    while (this.materials.length && this.renderer && !this.#renderBand(1));
+  }
+
+  /** Add samples to one of `nBands` bands of the picture; after the last one, show them and return true. */
+  #renderBand(nBands) {
+    const isWhole = this.#guard((renderer) => {
+      this.submitted = performance.now();
+      const options = {
         camera: this.camera,
         toEnvironment: transpose(this.lightRotation),
         pointLight: apply(this.lightRotation, POINT_LIGHT),
         lighting: this.lighting,
         nPairs: Math.max(1, Math.min(this.nPairs, this.maxSamples - renderer.samples)),
         isSplit: this.materials.length === 2,
-      });
+      };
+      if (!renderer.accumulate({ ...options, nBands })) return false;
       renderer.show(2 ** this.exposure);
-      this.submitted = performance.now();
+      return true;
     });
-    this.onProgress({ nSamples: this.nSamples, maxSamples: this.maxSamples });
+    if (isWhole !== false) this.onProgress({ nSamples: this.nSamples, maxSamples: this.maxSamples });
+    return isWhole !== false;
   }
 
   /** Samples of each pixel so far. */
@@ -259,6 +276,7 @@ export class Sphere {
     const now = performance.now();
     const isOne = now - this.changed > REST;
     this.changed = now;
+    this.waitUntil = -Infinity;
     if (!this.isRunning || isOne) return this.#update(change);
     clearTimeout(this.rest);
     this.rest = setTimeout(() => this.#setCoarseness(1), REST);
@@ -308,23 +326,34 @@ export class Sphere {
 
   #step() {
     this.handle = null;
-    if (this.nSamples >= this.maxSamples) return;
-    if (this.#guard((renderer) => renderer.ready())) {
-      this.#pace(performance.now() - this.submitted);
-      this.render();
+    if (this.nSamples >= this.maxSamples) {
+      this.submitted = NaN;
+      return;
+    }
+    if (this.nBands > 1 && performance.now() < this.waitUntil) this.submitted = NaN;
+    else if (this.materials.length && this.#guard((renderer) => renderer.ready())) {
+      this.duration = Math.max(this.duration, performance.now() - this.submitted);
+      if (this.renderer.band === 0) this.#pace();
+      this.#renderBand(this.coarseness > 1 ? 1 : this.nBands);
     }
     this.#schedule();
   }
 
-  /** More samples at once on a fast device, fewer on a slow one, and fewer still while something is dragged. */
-  #pace(elapsed) {
-    const isDragged = performance.now() - this.changed < REST;
-    if (elapsed < SHORT_FRAME) {
+  /**
+   * More samples at once on a fast device. On a slow one a band of the picture at once, so that the page answers
+   * meanwhile, and larger samples while something is dragged.
+   */
+  #pace() {
+    const { duration } = this;
+    this.duration = 0;
+    if (duration < SHORT_FRAME) {
       if (this.coarseness > 1) this.draggedCoarseness = Math.max(this.draggedCoarseness / 2, 1);
+      else if (this.nBands > 1) this.nBands /= 2;
       else this.nPairs = Math.min(2 * this.nPairs, MAX_PAIRS);
-    } else if (elapsed > LONG_FRAME) {
-      if (this.nPairs > 1) this.nPairs = Math.floor(this.nPairs / 2);
-      else if (isDragged) this.draggedCoarseness = Math.min(2 * this.draggedCoarseness, MAX_COARSENESS);
+    } else if (duration > LONG_FRAME) {
+      if (this.coarseness > 1) this.draggedCoarseness = Math.min(2 * this.draggedCoarseness, MAX_COARSENESS);
+      else if (this.nPairs > 1) this.nPairs = Math.floor(this.nPairs / 2);
+      else Object.assign(this, { nBands: Math.min(2 * this.nBands, MAX_BANDS), draggedCoarseness: MAX_COARSENESS });
     }
   }
 }

@@ -41,6 +41,10 @@ export function startSphere(shaders) {
   environmentSelect.addEventListener("change", () => setState({ environment: environmentSelect.value }));
   document.getElementById("own-image").addEventListener("change", (event) => useImage(event.target.files[0]));
   startDrop();
+  for (const type of ["pointermove", "wheel", "keydown"]) {
+    const giveWay = ({ target }) => target !== canvas && sphere.giveWay();
+    document.addEventListener(type, giveWay, { capture: true, passive: true });
+  }
   canvas2d.hidden = false;
   subscribe(updateSphere);
   onResize(canvas, () => sphere.resize());
