@@ -73,7 +73,7 @@ def test_links_can_be_made_absolute():
     assert {path.startswith("docs/images/") for kind, path in found if kind == "raw"} == {True}
     assert {path.startswith("docs/images/") for kind, path in found if kind == "blob"} == {False}
     assert (
-        f"[![A page of 100 materials]({home}/raw/v1/docs/images/view.png)]({home}/blob/v1/docs/view.md)"
+        f"[![A page of 100 materials]({home}/raw/v1/docs/images/view.jpg)]({home}/blob/v1/docs/view.md)"
         in made
     )
     assert absolute(made, "https://elsewhere", "v2") == made

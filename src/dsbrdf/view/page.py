@@ -83,7 +83,7 @@ def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = Non
         raise ValueError("'models' must hold at least one model, got none.")
     # Marks and what comes between them, so that nothing that is put in is searched for marks
     pieces = _MARK.split(_read("template.html"))
-    parts = {"style": _dense(_read("style.css")), "script": minified(), "shaders": _json(_shaders())}
+    parts = {"style": _read("style.css"), "script": minified(), "shaders": _json(_shaders())}
     fixed = sum(len(part.encode()) for part in (*pieces[::2], *parts.values()))
     places = layout.place(models, space)
     numbers = None if places is None else np.hstack([places.at, places.coordinates])
@@ -129,11 +129,6 @@ def _shaders() -> dict[str, str]:
     import rjsmin
 
     return {name: text if name in KEPT else rjsmin.jsmin(text) for name, text in shader.sources().items()}
-
-
-def _dense(style: str) -> str:
-    """A style sheet without comments and indentation."""
-    return re.sub(r"\s*\n\s*", "\n", re.sub(r"/\*.*?\*/", "", style, flags=re.DOTALL))
 
 
 def _meta(places: layout.Places | None, in_space: bool) -> dict[str, Any]:

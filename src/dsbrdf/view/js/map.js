@@ -151,16 +151,17 @@ function draw() {
     }
   }
   overlay.replaceChildren(...rings(size), ...names(size));
-  if (!isDone || !colour(until)) redraw();
+  if (colour(until) || !isDone) redraw();
 }
 
-/** Find the colours of more materials; returns whether all are known. */
+/** Find the colours of more materials; returns whether there were any to be found. */
 function colour(until) {
+  if (coloured === materials.length) return false;
   while (coloured < materials.length && performance.now() < until) {
     colours[coloured] ??= pointColour(materials[coloured]);
     coloured++;
   }
-  return coloured === materials.length;
+  return true;
 }
 
 const hasRoom = (i, size) => room[i] * view.zoom >= OVERLAP * size;
@@ -197,7 +198,7 @@ function rings(size) {
 function names(size) {
   context.font = "12px system-ui, sans-serif";
   const near = drawn.chips.filter((i) => isChosen(i) || room[i] * view.zoom >= NAME_ROOM);
-  near.sort((a, b) => isChosen(b) - isChosen(a));
+  near.sort((a, b) => (b === cursor) - (a === cursor) || isChosen(b) - isChosen(a));
   const boxes = [];
   const shown = [];
   for (const i of near) {
@@ -376,5 +377,5 @@ function showMap(changed) {
   }
   if (!changed.has("material") && !changed.has("second")) return;
   showDetails(state.material);
-  reveal(state.second ?? state.material);
+  reveal(changed.has("material") ? state.material : (state.second ?? state.material));
 }
