@@ -56,8 +56,8 @@ class ImageFit(Brief):
     light : list of Light
         Of each picture: as given, or as found.
     covariance : (unknown, unknown) ndarray
-        Of the unknowns, in the order of the prior; under an unknown light that between the materials compared, and a
-        part of the prior's.
+        Of the unknowns, in the order of the prior; under an unknown light that between the materials compared, of
+        what a scale a channel does not change.
     n_decided : float
         How many of the unknowns the pictures decided; the prior decided the others.
     n_effective : float
@@ -253,21 +253,21 @@ def _unknown(
     grid = unknown.Grid(unknown.ROWS)
     # Even over the picture: many pixels of highlights would speak for mirrors
     few, many = (_even(seen, most) for most in (unknown.N_PIXELS, unknown.N_LIGHT))
-    x, spread = unknown.material(unknown.Scene(few.middles, picture.flat[few.pixel], grid), space, gaussian)
+    material = unknown.material(unknown.Scene(few.middles, picture.flat[few.pixel], grid), space, gaussian)
     step("light")
     scene = unknown.Scene(many.middles, picture.flat[many.pixel], grid)
-    light = Light.from_map(scene.light(search.raw_lobes(x, gaussian)))
+    light = Light.from_map(scene.light(search.raw_lobes(material.x, gaussian)))
     problem = _problem(pictures, of_points, [light], gaussian, False)
-    found = problem.at(x)
+    found = problem.at(material.x)
     _warn_unexplained(found, picture.name)
     fit = finished(problem, found, pictures, of_points, [light], time.perf_counter() - begun)
     options = {**fit.model.fit_options, "exposure": "unknown", "light": "unknown"}
     return dataclasses.replace(
         fit,
         model=fit.model.replace(fit_options=options),
-        covariance=spread,
-        n_decided=max(float(np.trace(np.eye(len(spread)) - spread @ gaussian.precision)), 0.0),
-        posterior=dataclasses.replace(fit.posterior, covariance=spread),
+        covariance=material.covariance,
+        n_decided=material.n_decided,
+        posterior=dataclasses.replace(fit.posterior, covariance=material.covariance),
     )
 
 

@@ -20,13 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf.fitting.uncertainty import value_jacobian
 from dsbrdf.geometry import half_diff, panorama
 from dsbrdf.images.search import OFFSET, raw_lobes
 from dsbrdf.images.view import Points
-from dsbrdf.model.lobes import Lobes
+from dsbrdf.model.lobes import MAX_LN_KAPPA, Lobes
 from dsbrdf.space import Gaussian, MaterialSpace
+from dsbrdf.space.prior import KEPT_SHARE, LEAST_DEVIATION
+from dsbrdf.space.process import support
 
-__all__ = ["Grid", "Guess", "Scene", "material"]
+__all__ = ["Grid", "Guess", "Material", "Scene", "material"]
 
 Array = NDArray[np.float64]
 
@@ -45,7 +48,7 @@ ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
 #: Power of the probability of a picture that weighs materials, and of that which tells how uncertain they are: cells
 #: and materials are not quite those of the picture, which the noise does not know.
 SHARPNESS, CAUTION = 0.3, 0.01
-#: Share of the prior's covariance that is left in any case.
+#: Share of the covariance of all materials that is left in any case.
 LEFT = 0.1
 #: Steps to the most probable light, and the longest.
 STEPS, LONGEST = 5, 2.0
@@ -210,15 +213,68 @@ class Scene:
         return found.reshape(self.grid.rows, 2 * self.grid.rows, -1)
 
 
-def material(scene: Scene, space: MaterialSpace, gaussian: Gaussian) -> tuple[Array, Array]:
-    """Unknowns (unknown,) of the material, and their covariance (unknown, unknown)."""
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The material of a picture, up to a scale a channel.
+
+    Parameters
+    ----------
+    x : (unknown,) ndarray
+    covariance : (unknown, unknown) ndarray
+        Of what a scale does not change.
+    n_decided : float
+        How many of the main components of the materials compared the picture decided.
+    """
+
+    x: Array
+    covariance: Array
+    n_decided: float
+
+
+def material(scene: Scene, space: MaterialSpace, gaussian: Gaussian) -> Material:
+    """The mean of the materials of a space, by how probable they make the pixels."""
     candidates = np.vstack([gaussian.mean, space.variables.unknowns(space.curves)])
     evidence = np.array([scene.guess(scene.transfer(raw_lobes(x, gaussian))).evidence for x in candidates])
-    weights = _weights(evidence, SHARPNESS)
-    x = weights @ candidates
-    off = candidates - x
-    spread = off.T @ (_weights(evidence, CAUTION)[:, None] * off)
-    return x, spread + LEFT * np.linalg.inv(gaussian.precision)
+    x = _weights(evidence, SHARPNESS) @ candidates
+    off = (candidates - x) @ _unscaled(x, gaussian).T
+    weights = _weights(evidence, CAUTION)
+    # No combination of so few materials is that of the picture: a part of what they all vary by is left
+    covariance = (1.0 - LEFT) * off.T @ (weights[:, None] * off) + LEFT / len(off) * off.T @ off
+    return Material(x, covariance, _n_decided(candidates, weights))
+
+
+def _unscaled(x: Array, gaussian: Gaussian) -> Array:
+    """The projection (unknown, unknown) of changes of a material onto those that leave its mean logarithm alone.
+
+    What it takes away are changes of the heights of the lobes that are a factor a channel.
+    """
+    lobes = raw_lobes(x, gaussian)
+    positions, weights = support()
+    value, jacobian = value_jacobian(lobes, positions.log_cos, positions.x, positions.azimuth[:, None])
+    mean = np.einsum("n,ncu->cu", weights, jacobian[:, 0] / np.maximum(value[:, 0], 1e-300)[..., None])
+    # d ln kappa of each lobe where its height, expm1(kappa), has d ln height = 1
+    kappa = np.exp(np.minimum(lobes.scale.mean(1) + lobes.colour.mean(2), MAX_LN_KAPPA))
+    by_height = -np.expm1(-kappa) / kappa
+    n_channels, sizes = lobes.n_channels, gaussian.sizes
+    change = np.zeros((len(x), n_channels))
+    if n_channels == 1:
+        rows = sum(sizes[:4]) * np.arange(lobes.n_lobes)[:, None] + np.arange(sizes.scale)
+        change[rows, 0] = by_height.T
+    else:
+        rows = len(x) + np.arange(-lobes.colour.size, 0).reshape(lobes.colour.shape)
+        for c in range(n_channels):
+            change[rows[c], c] = by_height[c, :, None]
+    return np.asarray(np.eye(len(x)) - change @ np.linalg.solve(mean @ change, mean))
+
+
+def _n_decided(candidates: Array, weights: Array) -> float:
+    """The sum of the shares of their variance that the main components of the materials compared have lost."""
+    off = (candidates - candidates.mean(0)) / np.maximum(candidates.std(0), LEAST_DEVIATION)
+    scores, singular, _ = np.linalg.svd(off, full_matrices=False)
+    kept = np.cumsum(singular**2) < KEPT_SHARE * (singular**2).sum()
+    scores = scores[:, kept]
+    left = weights @ (scores - weights @ scores) ** 2 / scores.var(0)
+    return float(np.maximum(1.0 - left, 0.0).sum())
 
 
 def _weights(evidence: Array, power: float) -> Array:
