@@ -67,7 +67,7 @@ def test_material_and_light_are_found(space, sky, rng):
     assert found.is_up_to_scale
     assert found.rms < 0.15
     assert "up to a scale a channel" in found.summary.lower()
-    assert 2.0 < found.n_decided < len(NAMES)
+    assert 0.0 < found.n_decided < len(NAMES)
     light = found.light[0].map
     assert light.shape == (ROWS, 2 * ROWS, 3)
     wanted = np.log(sky.map.reshape(ROWS, 2, 2 * ROWS, 2, 3).mean((1, 3)))
@@ -150,6 +150,16 @@ def test_a_scale_is_no_part_of_the_covariance(n_channels, rng):
         one[len(x) - 3 * n :][: gaussian.sizes.colour] = 1.0
     assert deviation(keep @ all_lobes) < 0.3 * deviation(all_lobes)
     assert deviation(keep @ one) > 0.05 * deviation(one)
+
+
+def test_numbers_decided():
+    candidates = np.random.default_rng(0).standard_normal((12, 30))
+    even, one = np.full(12, 1.0 / 12.0), np.eye(12)[3]
+    assert unknown._n_decided(candidates, even) == pytest.approx(0.0, abs=1e-12)
+    # All components but the last few are kept, and one material alone leaves them no variance
+    assert 7.5 < unknown._n_decided(candidates, one) < 11.5
+    some = 0.5 * even + 0.5 * one
+    assert 0.5 < unknown._n_decided(candidates, some) < unknown._n_decided(candidates, one)
 
 
 def test_an_unknown_light_needs_one_picture_and_materials(space):

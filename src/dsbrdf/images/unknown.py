@@ -272,7 +272,7 @@ def _n_decided(candidates: Array, weights: Array) -> float:
     off = (candidates - candidates.mean(0)) / np.maximum(candidates.std(0), LEAST_DEVIATION)
     scores, singular, _ = np.linalg.svd(off, full_matrices=False)
     kept = np.cumsum(singular**2) < KEPT_SHARE * (singular**2).sum()
-    scores = scores[:, kept]
+    scores = scores[:, np.r_[True, kept[:-1]]]
     left = weights @ (scores - weights @ scores) ** 2 / scores.var(0)
     return float(np.maximum(1.0 - left, 0.0).sum())
 
