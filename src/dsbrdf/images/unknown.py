@@ -47,7 +47,7 @@ SUB = 2
 ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
 #: Power of the probability of a picture that weighs materials, and of that which tells how uncertain they are: cells
 #: and materials are not quite those of the picture, which the noise does not know.
-SHARPNESS, CAUTION = 0.3, 0.01
+SHARPNESS, CAUTION = 0.3, 0.1
 #: Share of the covariance of all materials that is left in any case.
 LEFT = 0.1
 #: Steps to the most probable light, and the longest.
