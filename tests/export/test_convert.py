@@ -123,6 +123,13 @@ def test_a_table_to_rgl(tmp_path):
     assert read(tmp_path / "t.bsdf").values[30, 30, 30] == pytest.approx([0.1, 0.2, 0.3], rel=1e-3)
 
 
+def test_samples_without_a_value(tmp_path):
+    """BiRD leaves them out; the loss counts the others."""
+    (tmp_path / "x.csv").write_text("theta_i_deg,theta_o_deg,value\n10,20,1\n10,-20,nan\n10,-30,3\n")
+    assert convert(tmp_path / "x.csv", tmp_path / "x.json", "bird").rel_rms < 1e-12
+    assert len(read(tmp_path / "x.json")) == 2
+
+
 def test_bird_holds_samples(model_file, tmp_path):
     with pytest.raises(
         ValueError, match=r"BiRD JSON holds scattered samples; use \.npz or \.csv for a table"

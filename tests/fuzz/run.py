@@ -24,7 +24,7 @@ import numpy as np
 from formats import VALID, place, sound
 
 SECONDS = 10
-BATCH = 1000
+BATCH = 5000
 EXTREMES = [0, 1, 0x7F, 0x80, 0xFF, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63 - 1, 2**64 - 1]
 TOKENS = [
     b"nan",

@@ -238,6 +238,17 @@ print("grown", round(peak() - before))
     assert int(grown.split()[1]) < 130, done.stdout
 
 
+def test_a_damaged_image_prints_nothing(tmp_path, capfd):
+    """The library that reads images warns of parts of them that do not matter, in colours of the terminal."""
+    content = VALID["png"]()
+    damaged = bytearray(content)
+    # A byte of the sum of the first part after the header
+    damaged[33 + 8 + struct.unpack(">I", content[33:37])[0]] ^= 1
+    (tmp_path / "x.png").write_bytes(damaged)
+    image_file.read_pixels(tmp_path / "x.png")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_hdf5_that_points_to_other_files(tmp_path):
     """Its numbers would be those of any file that the reader may read."""
     secret = tmp_path / "secret"

@@ -1,10 +1,16 @@
 """What can happen to a process: no streams, no letters, no home, no room, interruptions; threads, forks and copies."""
 
+import ast
 import concurrent.futures
 import copy
+import dataclasses
+import enum
 import errno
+import importlib
+import inspect
 import os
 import pickle
+import pkgutil
 import resource
 import signal
 import subprocess
@@ -16,13 +22,20 @@ import pytest
 from spaces import smooth_model
 
 import dsbrdf
-from dsbrdf import _files, library
-from dsbrdf.export import export
+from dsbrdf import _files, baselines, library, paper
+from dsbrdf.baselines import engine
+from dsbrdf.batch.texels import TexelMaps
+from dsbrdf.export import FORMATS, export, preview, principled
+from dsbrdf.export.convert import write_csv
+from dsbrdf.fitting.plan import Plan
+from dsbrdf.images import Light, fit_image, relight
 from dsbrdf.measured.formats.array_file import write_npz
 from dsbrdf.measured.formats.bird import write_bird
 from dsbrdf.measured.formats.image_file import write_pixels
+from dsbrdf.measured.formats.tensor_file import write_tensor_file
 from dsbrdf.measured.samples import Samples
-from dsbrdf.space import build_space
+from dsbrdf.paper import baselines as paper_baselines
+from dsbrdf.space import Sizes, build_space
 from dsbrdf.view import view
 
 COMMAND = [sys.executable, "-m", "dsbrdf"]
@@ -120,8 +133,16 @@ def writers():
     model, table = smooth_model(1, name="a"), dsbrdf.material("matte")
     up = np.tile([0.0, 0.0, 1.0], (5000, 1))
     samples = Samples(up, up, np.random.default_rng(1).random((5000, 1)), name="a")
+    from dsbrdf.paper import report, survey
+    from dsbrdf.paper.subsampling import Curve
+    from dsbrdf.paper.tables import Tables as paper_tables
     from dsbrdf.plot import parameter_figure, write_figure
 
+    flat = np.full((2, 2), 0.1, "f4")
+    maps = TexelMaps(np.full((2, 2, 22), 0.1, "f4"), flat, flat, 2, Sizes(3, 2, 2, 1, 1), ("r", "g", "b"))
+    plan = Plan(*np.ones((3, 50)), np.ones(51), ("r",))
+    row = survey.Row(**{field.name: 1 for field in dataclasses.fields(survey.Row)} | {"name": "a"})
+    curve = Curve("a", 0.0, [1], [0.1], [0.1])
     return {
         "model.json": model.save,
         "library.dsbrdf": lambda path: library.write(path, [model]),
@@ -133,7 +154,22 @@ def writers():
         "figure.png": lambda path: write_figure(parameter_figure(model), path),
         "picture.exr": lambda path: write_pixels(np.ones((64, 64, 3)), path),
         "code.glsl": lambda path: export(model, path, "glsl"),
-        "table.bsdf": lambda path: export(model, path, "rgl"),
+        "table.csv": lambda path: write_csv(samples, path),
+        "table.bsdf": lambda path: export(model, path, "rgl", force=True),
+        "tensors.bsdf": lambda path: write_tensor_file(path, {"a": np.ones(100)}),
+        "texels.npz": maps.save,
+        "texels.exr": maps.to_exr,
+        "plan.csv": plan.save,
+        "paper.md": lambda path: report.write_table([row], path, "title"),
+        "paper.csv": lambda path: survey.write_csv([row], path),
+        "report.md": lambda path: report.write_report(
+            path, paper_tables("x", ("a",), None), [row], [curve], [], []
+        ),
+        **{
+            f"export.{entry.suffix}": lambda path, kind=kind: export(model, path, kind, force=True)
+            for kind, entry in FORMATS.items()
+            if kind not in ("rgl", "rgl-spectral", "merl", "glsl")
+        },
     }
 
 
@@ -149,6 +185,55 @@ def full_disk():
 
 
 WRITERS = writers()
+
+
+#: Functions that write for others, which `test_a_full_disk_in_a_batch` and the tests of downloads reach.
+OTHERS = {
+    ("__init__", "_finished"),
+    ("record", "_compact"),
+    ("record", "_write_tables"),
+    ("databases", "_extract"),
+}
+
+
+@pytest.fixture(autouse=True)
+def nearest(monkeypatch):
+    """Exports of the nearest material do not search for it, which is no matter here."""
+
+    def material(_, form, name):
+        third = np.full(3, 0.3)
+        return engine.EngineMaterial(third, third, third, 0.5, 0.5, 0.04, 0.5, False, form, name)
+
+    monkeypatch.setattr(preview, "fit_engine", material)
+    near = preview.Nearness(0.1, 1.0)
+    monkeypatch.setattr(preview, "nearness", lambda *_: near)
+    monkeypatch.setattr(principled, "fit_principled", lambda _: ({"type": "principled" + 100 * " "}, near))
+
+
+def test_every_writer_is_among_them(tmp_path, monkeypatch):
+    """Every function of the package that writes a file aside; a new one needs an entry above."""
+    used, real = set(), _files.aside
+
+    def noting(path):
+        code = sys._getframe(1).f_code
+        used.add((Path(code.co_filename).stem, code.co_name))
+        return real(path)
+
+    monkeypatch.setattr(_files, "aside", noting)
+    for name, write in WRITERS.items():
+        write(tmp_path / name)
+    there = set()
+    for file in Path(dsbrdf.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and "_files.aside(" in ast.unparse(node):
+                there.add((file.stem, node.name))
+    assert used | OTHERS == there
+
+
+def test_a_full_disk_in_a_batch(tmp_path, small_table, full_disk):  # noqa: ARG001
+    with pytest.raises(OSError, match=r"too large|No space"):
+        dsbrdf.fit_many([small_table], tmp_path, n_lobes=1)
+    assert not list(tmp_path.glob("*.part"))
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -258,9 +343,60 @@ def test_eight_threads(make_table):
             np.testing.assert_array_equal(a, b)
 
 
+def public_classes():
+    """All classes that packages name as theirs."""
+    packages = [m.name for m in pkgutil.walk_packages(dsbrdf.__path__, "dsbrdf.") if m.ispkg]
+    modules = [importlib.import_module(name) for name in ("dsbrdf", *packages)]
+    return {
+        thing
+        for module in modules
+        for name in getattr(module, "__all__", ())
+        if inspect.isclass(thing := getattr(module, name)) and thing.__module__.startswith("dsbrdf")
+    }
+
+
+def kinds_in(thing, seen):
+    """The classes of an object, and of what it holds."""
+    if id(thing) in seen:
+        return set()
+    seen[id(thing)] = thing
+    parts = (
+        list(vars(thing).values())
+        if type(thing).__module__.startswith("dsbrdf") and hasattr(thing, "__dict__")
+        else []
+    )
+    parts += (
+        list(thing.values())
+        if isinstance(thing, dict)
+        else list(thing)
+        if isinstance(thing, list | tuple)
+        else []
+    )
+    return {type(thing)}.union(*(kinds_in(part, seen) for part in parts))
+
+
+def same(a, b):
+    """Whether two objects are of one kind and hold the same, to the last bit."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(map(same, a.values(), b.values()))
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    if type(a).__module__.startswith("dsbrdf") and hasattr(a, "__dict__") and not isinstance(a, enum.Enum):
+        return same(dict(vars(a)), dict(vars(b)))
+    # What the kernel holds has no comparison
+    return type(a).__eq__ is object.__eq__ or bool(a == b) or a != a
+
+
 def objects(small_table):
     """One of every public kind of object."""
     fit = dsbrdf.fit(small_table, 1)
+    flat = np.full((2, 2), 0.1, "f4")
+    lamp = Light.distant([0.0, 0.6, 0.8])
+    slices = paper.fit_slices(small_table, method="em", n_slices=6)
     space = build_space([smooth_model(i) for i in range(3)])
     up = np.tile([0.0, 0.0, 1.0], (3, 1))
     return {
@@ -273,37 +409,43 @@ def objects(small_table):
         "coverage": fit.coverage,
         "check": dsbrdf.check_model(smooth_model(1)),
         "options": dsbrdf.FitOptions(),
-        "space": space,
+        "space": [space, space.fpca],
         "prior": space.gaussian(),
         "library": library.builtin(),
         "outcome": dsbrdf.batch.Outcome("a"),
+        "texels": TexelMaps(
+            np.full((2, 2, 22), 0.1, "f4"), flat, flat, 2, Sizes(3, 2, 2, 1, 1), ("r", "g", "b")
+        ),
+        "picture": fit_image(relight(smooth_model(1), "sphere", lamp, size=12), "sphere", lamp, prior=space),
+        "slices": [slices, slices.model.to_curves(), paper.slice_profiles(small_table, n_slices=2)],
+        "baselines": [
+            baselines.fit_bivariate(small_table),
+            baselines.fit_lambert_ggx(small_table),
+            baselines.fit_ggx_pair(small_table),
+            paper_baselines.fit_interpolation(small_table),
+            paper_baselines.fit_lambert_torrance_sparrow(small_table),
+            paper_baselines.fit_von_mises_fisher(small_table, 2),
+        ],
+        "format": FORMATS["glsl"],
     }
 
 
 def test_copies(small_table):
-    """pickle and deepcopy of every public kind of object give one of the same kind and state."""
+    """pickle and deepcopy of every public kind of object give one of the same kind and content, to the last bit."""
+    kinds = set()
     for name, thing in objects(small_table).items():
-        for again in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing)):
-            assert type(again) is type(thing), name
-            assert repr(again) == repr(thing), name
-            if name in ("fit", "model"):
-                model = getattr(again, "model", again)
-                original = getattr(thing, "model", thing)
-                np.testing.assert_array_equal(model.lobes.scale, original.lobes.scale)
-            if name == "fit":
-                wi = np.array([0.0, 0.6, 0.8])
-                np.testing.assert_array_equal(again.band(wi, wi), thing.band(wi, wi))
+        kinds |= kinds_in(thing, {})
+        copies = pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing)
+        assert all(same(thing, again) and repr(again) == repr(thing) for again in copies), name
+        if name == "fit":
+            # The kernel's part of it too
+            wi = np.array([0.0, 0.6, 0.8])
+            bands = [np.array(one.band(wi, wi)).tolist() for one in (thing, *copies)]
+            assert bands[0] == bands[1] == bands[2]
+    wanted = {kind for kind in public_classes() if not issubclass(kind, BaseException | dict)}
+    assert {kind for kind in wanted if not inspect.isabstract(kind)} - kinds == set()
 
 
-@pytest.mark.parametrize(
-    "error",
-    [
-        dsbrdf.ModelFormatError("x"),
-        dsbrdf.MerlFormatError("x"),
-        library.LibraryFormatError("x"),
-        dsbrdf.batch.BusyError("x"),
-        dsbrdf.batch.WorkerDiedError("x"),
-    ],
-)
+@pytest.mark.parametrize("error", [kind for kind in public_classes() if issubclass(kind, BaseException)])
 def test_errors_travel(error):
-    assert str(pickle.loads(pickle.dumps(error))) == "x"
+    assert str(pickle.loads(pickle.dumps(error("x")))) == "x"

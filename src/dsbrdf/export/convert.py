@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from dsbrdf.measured import built_in
 from dsbrdf.measured.formats.merl import write_merl
 from dsbrdf.measured.formats.rgl import RGLReflectance, read_rgl
 from dsbrdf.measured.formats.tensor_file import MAGIC
-from dsbrdf.measured.names import Meaning, meaning
+from dsbrdf.measured.names import column_names
 from dsbrdf.measured.read import read
 from dsbrdf.measured.samples import ReadWarning, Samples
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
@@ -31,8 +30,6 @@ __all__ = ["KINDS", "Conversion", "convert", "write_csv"]
 
 #: Kinds of files that can be written, and their suffixes.
 KINDS = {"merl": ".binary", "rgl": ".bsdf", "npz": ".npz", "csv": ".csv", "tsv": ".tsv", "bird": ".brdf"}
-#: Names of channels that can be part of a header.
-COLUMN = re.compile(r"\w[\w.]*")
 #: Of a table.
 ANGLES = ("theta_h", "theta_d", "phi_d")
 Content: TypeAlias = MeasuredBRDF | Samples | DSBRDF
@@ -198,7 +195,7 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
     OSError
         If the file cannot be written.
     """
-    channels = _columns(channel_names(measured.channels, measured.n_channels))
+    channels = column_names(channel_names(measured.channels, measured.n_channels))
     weighted = isinstance(measured, Samples) and measured.weights is not None
     header = ["theta_i_rad", "theta_o_rad", "phi_o_rad", *channels, *(["weight"] if weighted else [])]
     with _files.aside(path) as part, part.open("w", encoding="utf-8", newline="\n") as file:
@@ -211,18 +208,6 @@ def write_csv(measured: MeasuredBRDF | Samples, path: str | Path, delimiter: str
             if isinstance(measured, Samples) and measured.weights is not None:
                 rows.append(measured.weights)
             np.savetxt(file, np.stack(rows, axis=-1)[some], fmt="%.9g", delimiter=delimiter)
-
-
-def _columns(names: Sequence[str]) -> list[str]:
-    """Names of channels as those of columns, which are read as such; numbers if they cannot be."""
-    unlike = len({name.lower() for name in names}) == len(names)
-    if not unlike or not all(map(COLUMN.fullmatch, names)):
-        return [f"value_{i + 1}" for i in range(len(names))]
-    whole = {"X", "Y", "Z"} <= set(names)
-    plain = [
-        meaning(name) == Meaning("channel", name) and (whole or name not in ("X", "Z")) for name in names
-    ]
-    return [name if is_plain else f"value_{name}" for name, is_plain in zip(names, plain, strict=True)]
 
 
 def _tabulated(model: DSBRDF) -> MeasuredBRDF:
@@ -312,8 +297,13 @@ def _compared(
     before: Content | RGLReflectance, after: MeasuredBRDF | Samples
 ) -> Iterator[tuple[Array, Array]]:
     """Values (n, channel) before and after at the same pairs of directions, in parts."""
-    if isinstance(before, Samples):
-        yield before.values, after.values if isinstance(after, Samples) else after.eval(before.wi, before.wo)
+    if isinstance(before, Samples) and isinstance(after, Samples):
+        # Some formats hold no sample without a value
+        some = np.isfinite(before.values).any(-1) | (len(after) == len(before))
+        if some.sum() == len(after):
+            yield before.values[some], after.values
+    elif isinstance(before, Samples):
+        yield before.values, after.eval(before.wi, before.wo)
     elif (
         isinstance(before, MeasuredBRDF)
         and isinstance(after, MeasuredBRDF)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
+from dsbrdf.measured.names import column_names
 from dsbrdf.measured.samples import Samples
 from dsbrdf.space.process import Positions, support
 
@@ -64,7 +65,7 @@ class Plan:
         OSError
             If the file cannot be written.
         """
-        lines = [",".join(("theta_i_deg", "theta_o_deg", "phi_o_deg", *self.channels))]
+        lines = [",".join(("theta_i_deg", "theta_o_deg", "phi_o_deg", *column_names(self.channels)))]
         for angles in zip(self.theta_i, self.theta_o, self.phi_o, strict=True):
             lines.append(",".join([*(f"{angle:g}" for angle in angles), *("" for _ in self.channels)]))
         with _files.aside(path) as part:

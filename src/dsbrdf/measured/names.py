@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Meaning", "meaning", "unit_of", "wavelength_name"]
+__all__ = ["Meaning", "column_names", "meaning", "unit_of", "wavelength_name"]
+
+#: Names of channels that can be part of a header.
+COLUMN = re.compile(r"\w[\w.]*")
 
 _GREEK = {
     **dict.fromkeys("θϑΘ", "theta"),
@@ -248,3 +252,15 @@ def _spread(key: str) -> str | None:
                 if channel is not None and (len(word) > 2 or key.startswith("u") or len(rest) > 2):
                     return channel
     return None
+
+
+def column_names(channels: Sequence[str]) -> list[str]:
+    """Names of channels as those of columns, which are read as such; numbers if they cannot be."""
+    unlike = len({name.lower() for name in channels}) == len(channels)
+    if not unlike or not all(map(COLUMN.fullmatch, channels)):
+        return [f"value_{i + 1}" for i in range(len(channels))]
+    whole = {"X", "Y", "Z"} <= set(channels)
+    plain = [
+        meaning(name) == Meaning("channel", name) and (whole or name not in ("X", "Z")) for name in channels
+    ]
+    return [name if is_plain else f"value_{name}" for name, is_plain in zip(channels, plain, strict=True)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from dsbrdf import _files
+from dsbrdf import _files, _text
 from dsbrdf.paper.claims import Claim, Status
 from dsbrdf.paper.subsampling import Curve
 from dsbrdf.paper.survey import Row, markdown, median
@@ -82,7 +82,8 @@ def claim_table(claims: Sequence[Claim]) -> str:
     """Every claim with its status."""
     lines = ["| where | claim | status | here |", "|---|---|---|---|"]
     for claim in claims:
-        ours = f"{claim.ours}. *{claim.why[0].upper()}{claim.why[1:]}.*" if claim.why else f"{claim.ours}."
+        told, why = (_text.markdown_cell(text) for text in (claim.ours, claim.why))
+        ours = f"{told}. *{why[0].upper()}{why[1:]}.*" if why else f"{told}."
         lines.append(f"| {claim.where} | {claim.claim} | **{claim.status}** | {ours} |")
     return "\n".join(lines) + "\n"
 
@@ -94,7 +95,9 @@ def curve_table(curves: Sequence[Curve]) -> str:
     for curve in curves:
         for name, values in (("model", curve.model), ("interpolation", curve.interpolation)):
             cells = " | ".join(f"{value:.3f}" for value in values)
-            lines.append(f"| {curve.name} | {100 * curve.noise:g} % | {name} | {cells} |")
+            lines.append(
+                f"| {_text.markdown_cell(curve.name)} | {100 * curve.noise:g} % | {name} | {cells} |"
+            )
     return "\n".join(lines) + "\n"
 
 
@@ -102,7 +105,8 @@ def write_table(rows: Sequence[Row], path: Path, title: str) -> None:
     """All rows in Markdown."""
     with _files.aside(path) as part:
         part.write_text(
-            f"# All materials: {title}\n\nErrors are relative RMS.\n\n{markdown(rows)}", encoding="utf-8"
+            f"# All materials: {_text.markdown_cell(title)}\n\nErrors are relative RMS.\n\n{markdown(rows)}",
+            encoding="utf-8",
         )
 
 
@@ -116,13 +120,13 @@ def write_report(
 ) -> None:
     """The report of everything."""
     tally = ", ".join(f"{sum(claim.status is status for claim in claims)} {status}" for status in Status)
-    parts = [f"# The paper's claims: {tables.title}", _INTRODUCTION]
+    parts = [f"# The paper's claims: {_text.markdown_cell(tables.title)}", _INTRODUCTION]
     parts += ["## Claims", f"{len(claims)} claims: {tally}.", claim_table(claims)]
     parts += ["## Errors", summary(rows), "All materials: [table.md](table.md), [table.csv](table.csv)."]
     parts += ["## Figures"]
     parts += [f"![{figure.stem}]({figure.name})\n\n*{CAPTIONS[figure.stem]}*" for figure in figures]
     parts += ["## Errors of Fig. 6", curve_table(curves)]
     if tables.skipped:
-        parts += ["## Files left out", "\n".join(f"- {line}" for line in tables.skipped)]
+        parts += ["## Files left out", "\n".join(f"- {_text.markdown_cell(line)}" for line in tables.skipped)]
     with _files.aside(path) as part:
         part.write_text("\n\n".join(text.rstrip() for text in parts) + "\n", encoding="utf-8")

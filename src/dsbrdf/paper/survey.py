@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsbrdf import _files
+from dsbrdf import _files, _text
 from dsbrdf.baselines import fit_ggx_pair
 from dsbrdf.fitting import ConvergenceWarning, metrics
 from dsbrdf.fitting.fit import fit
@@ -176,7 +176,8 @@ def markdown(rows: Sequence[Row]) -> str:
     names = [field.name for field in fields(Row)]
     lines = [f"| {' | '.join(_HEADINGS[name] for name in names)} |", "|---" * len(names) + "|"]
     medians = {name: median(rows, name) for name in names[1:]}
-    for values in ({"name": "**median**", **medians}, *(asdict(row) for row in rows)):
+    named = ({**asdict(row), "name": _text.markdown_cell(row.name)} for row in rows)
+    for values in ({"name": "**median**", **medians}, *named):
         cells = [values["name"], *(_cell(name, values[name]) for name in names[1:])]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
@@ -190,7 +191,7 @@ def _cell(name: str, value: float) -> str:
 
 def write_csv(rows: Sequence[Row], path: Path) -> None:
     """All rows, one column a field."""
-    with _files.aside(path) as part, part.open("w", newline="") as file:
+    with _files.aside(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
         writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+        writer.writerows({**asdict(row), "name": _text.csv_cell(row.name)} for row in rows)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dsbrdf.geometry import lighting
 from dsbrdf.geometry.grids import SHAPE
+from dsbrdf.measured.formats import image_file
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.render import variants
@@ -64,6 +65,12 @@ class View:
         for path in (self.envmap, None if self.shape == "sphere" else self.shape):
             if path is not None and not Path(path).is_file():
                 raise FileNotFoundError(2, "No such file", str(path))
+        try:
+            self.shape.encode()
+        except UnicodeEncodeError:
+            raise ValueError(
+                f"{self.shape}: Mitsuba opens no file whose name has no letters. Rename it."
+            ) from None
 
 
 def check_channels(reflectance: Reflectance, name: str = "") -> None:
@@ -170,10 +177,8 @@ def _camera(mi: Any, size: int) -> dict[str, Any]:
 
 
 def _light(mi: Any, envmap: str | Path | None) -> dict[str, Any]:
-    if envmap is None:
-        bitmap = mi.Bitmap(lighting.studio().astype(np.float32))
-        return {"type": "envmap", "bitmap": bitmap}
-    return {"type": "envmap", "filename": str(envmap)}
+    pixels = lighting.studio() if envmap is None else image_file.read_pixels(envmap)
+    return {"type": "envmap", "bitmap": mi.Bitmap(pixels.astype(np.float32))}
 
 
 def _object(mi: Any, shape: str) -> dict[str, Any]:

@@ -62,8 +62,10 @@ def place(models: Sequence[DSBRDF], space: MaterialSpace | None = None) -> Place
     if len(models) < 2:
         return None
     if space is not None:
-        coordinates = np.array([space.scores(model)[:N_COORDINATES] for model in models])
-        first, second = 100.0 * space.fpca.explained[:2]
+        # One of two materials has one component
+        found = [np.append(space.scores(model), 0.0)[:N_COORDINATES] for model in models]
+        coordinates = np.array(found)
+        first, second = 100.0 * np.append(space.fpca.explained, 0.0)[:2]
         about = (
             f"Places: the first two scores of the space ({first:.0f} % and {second:.0f} % of its variance)"
         )

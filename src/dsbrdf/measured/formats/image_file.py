@@ -8,8 +8,10 @@ written here too, as pixels.
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,7 @@ MAX_PICTURE, MAX_PIXELS, FREE_PIXELS, PIXELS_A_BYTE = 16_384, 2**27, 2**23, 16
 MAX_SIDE = 1024
 #: Bytes that hold the header of an image.
 _HEAD = 65_536
+_logging = threading.Lock()
 
 
 def read_image(path: str | Path, *, convention: str = "centre") -> MeasuredBRDF:
@@ -85,7 +88,8 @@ def read_pixels(
     path = Path(path)
     n_bytes = _files.regular_size(path)
     with path.open("rb") as file:
-        width, height = _size(file.read(_HEAD), n_bytes)
+        head = file.read(_HEAD)
+    width, height = _size(head, n_bytes)
     if not (1 <= width <= max_side and 1 <= height <= max_side):
         raise ValueError(
             f"{path}: not {what}: expected an EXR, HDR or PNG file of 1 to {max_side} pixels on a side, "
@@ -98,7 +102,13 @@ def read_pixels(
         )
     mi = _mitsuba()
     try:
-        bitmap = mi.Bitmap(str(path))
+        # Not by its path, whose letters may be in no encoding
+        content = path.read_bytes()
+        stream = mi.MemoryStream(len(content))
+        stream.write(content)
+        stream.seek(0)
+        with _silent(mi):
+            bitmap = mi.Bitmap(stream)
         if not decode:
             bitmap.set_srgb_gamma(False)
         bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
@@ -132,6 +142,20 @@ def write_pixels(pixels: NDArray[Any], path: str | Path, names: Sequence[str] = 
     bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
     with _files.aside(path) as part:
         part.write_bytes(stream.raw_buffer())
+
+
+@contextlib.contextmanager
+def _silent(mi: Any) -> Iterator[None]:
+    """Keep from the terminal what the library says of damaged images."""
+    # Of all threads
+    with _logging:
+        logger = mi.logger()
+        level = logger.log_level()
+        logger.set_log_level(mi.LogLevel.Error)
+        try:
+            yield
+        finally:
+            logger.set_log_level(level)
 
 
 def _mitsuba() -> Any:
