@@ -297,13 +297,14 @@ def _compared(
     before: Content | RGLReflectance, after: MeasuredBRDF | Samples
 ) -> Iterator[tuple[Array, Array]]:
     """Values (n, channel) before and after at the same pairs of directions, in parts."""
-    if isinstance(before, Samples) and isinstance(after, Samples):
+    if isinstance(before, Samples):
+        if not isinstance(after, Samples):
+            yield before.values, after.eval(before.wi, before.wo)
+            return
         # Some formats hold no sample without a value
         some = np.isfinite(before.values).any(-1) | (len(after) == len(before))
         if some.sum() == len(after):
             yield before.values[some], after.values
-    elif isinstance(before, Samples):
-        yield before.values, after.eval(before.wi, before.wo)
     elif (
         isinstance(before, MeasuredBRDF)
         and isinstance(after, MeasuredBRDF)
