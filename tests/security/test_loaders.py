@@ -17,7 +17,7 @@ from scipy.io import savemat
 from spaces import smooth_model
 
 import dsbrdf
-from dsbrdf import Samples, batch, library
+from dsbrdf import Samples, batch, comparison, library
 from dsbrdf.batch.texels import MAPS, TexelMaps
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.images import Light, sources
@@ -43,6 +43,7 @@ LOADERS = {
     "picture of an object": lambda path: Picture.of(path, ""),
     "texels": dsbrdf.load_texels,
     "utia": utia.read_utia,
+    "comparison": comparison.Comparison.load,
 }
 
 

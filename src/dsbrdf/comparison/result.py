@@ -202,9 +202,12 @@ class Comparison:
 
         Raises
         ------
+        ValueError
+            If it is a device or a pipe.
         OSError
             If the file cannot be read.
         """
+        _files.regular_size(path)
         text = Path(path).read_text(encoding="utf-8", errors="replace")
         rows = []
         try:
