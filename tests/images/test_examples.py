@@ -42,3 +42,23 @@ def test_too_many_scores():
     space = builtin()
     with pytest.raises(ValueError, match="'scores' has 500 components"):
         from_scores(space, np.zeros(500))
+
+
+def test_gradients_of_scores(rng):
+    """Of values by scores under JAX, against central differences in NumPy."""
+    jax = pytest.importorskip("jax")
+    space, n = builtin(), 6
+    scores = 0.3 * space.fpca.scores[3, :n]
+    model = space.model(space.fpca.scores[3], conserve=False)
+    w = rng.normal(size=(2, 20, 3))
+    w[..., 2] = np.abs(w[..., 2]) + 0.2
+    wi, wo = w / np.linalg.norm(w, axis=-1, keepdims=True)
+
+    def total(scores, xp=np):
+        return xp.log(model.replace(lobes=from_scores(space, scores, xp)).eval(wi, wo)).sum()
+
+    with jax.enable_x64(True):
+        gradient = np.asarray(jax.grad(lambda scores: total(scores, jax.numpy))(jax.numpy.asarray(scores)))
+    moves = 1e-5 * np.eye(n)
+    differences = [(total(scores + move) - total(scores - move)) / 2e-5 for move in moves]
+    np.testing.assert_allclose(gradient, differences, rtol=1e-5, atol=1e-6 * np.abs(gradient).max())

@@ -245,6 +245,28 @@ def test_gradients_of_values(key, sizes, rng):
         assert abs(gradient[index] - expected) < 0.01 * abs(expected) + 1e-4 * np.abs(gradient).max()
 
 
+@pytest.mark.parametrize("key", ["scale", "colour"])
+def test_forward_gradients_of_values(key, rng):
+    """A shift of one parameter, in forward mode, is that of finite differences in double precision at each pair."""
+    model = some_model(3, (2, 1, 1, 2, 1), n_lobes=2)
+    wi, wo = pairs(rng, 400)
+    bsdf = tools.load(model)
+    parameters = mi.traverse(bsdf)
+    shift = mi.Float(0.0)
+    dr.enable_grad(shift)
+    parameters[key] = mi.TensorXf(parameters[key]) + shift
+    parameters.update()
+    value = bsdf.eval(mi.BSDFContext(), tools.interaction(wi), tools.vectors(wo))
+    dr.forward(shift)
+    gradient = np.array(dr.grad(value)).T
+    sides = [
+        model.replace(lobes=model.lobes.replace(**{key: getattr(model.lobes, key) + step})).eval(wi, wo)
+        for step in (1e-4, -1e-4)
+    ]
+    expected = (sides[0] - sides[1]) / 2e-4 * wo[:, 2:]
+    np.testing.assert_allclose(gradient, expected, rtol=0.01, atol=1e-3 * np.abs(expected).max())
+
+
 def scene(bsdf, **more):
     return {
         "type": "scene",

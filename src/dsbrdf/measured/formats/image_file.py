@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import re
+import shutil
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -102,13 +104,8 @@ def read_pixels(
         )
     mi = _mitsuba()
     try:
-        # Not by its path, whose letters may be in no encoding
-        content = path.read_bytes()
-        stream = mi.MemoryStream(len(content))
-        stream.write(content)
-        stream.seek(0)
-        with _silent(mi):
-            bitmap = mi.Bitmap(stream)
+        with _named(path) as name, _silent(mi):
+            bitmap = mi.Bitmap(name)
         if not decode:
             bitmap.set_srgb_gamma(False)
         bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
@@ -142,6 +139,18 @@ def write_pixels(pixels: NDArray[Any], path: str | Path, names: Sequence[str] = 
     bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
     with _files.aside(path) as part:
         part.write_bytes(stream.raw_buffer())
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[str]:
+    """The name of a file, or of a copy if it is in no encoding: from memory, the library crashes on damaged images."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        with tempfile.TemporaryDirectory() as folder:
+            yield str(shutil.copyfile(path, Path(folder, "image")))
+        return
+    yield str(path)
 
 
 @contextlib.contextmanager
