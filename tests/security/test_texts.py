@@ -211,7 +211,7 @@ COMMANDS = {
         ("-s TEXT", 1),
     ],
     "demo": [("-o MODEL", 1)],
-    "compare": [("TABLE NOTHING TEXT --methods bivariate -o out", 1), ("TABLE --methods NOTE", 2)],
+    "compare": [("TABLE NOTHING TEXT --methods bivariate -o out", 1), ("TABLE --methods NOTE", 1)],
     "data list": [("", 0), ("merl", 0)],
     "data fetch": [("merl \x1b[2J", 1), ("rgl a --url \x1b[2J", 1)],
     "data path": [("", 0)],
