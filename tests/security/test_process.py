@@ -428,6 +428,7 @@ def objects(small_table):
             baselines.fit_bivariate(small_table),
             baselines.fit_lambert_ggx(small_table),
             baselines.fit_ggx_pair(small_table),
+            baselines.fit_fresnel_ggx(small_table),
             paper_baselines.fit_interpolation(small_table),
             paper_baselines.fit_lambert_torrance_sparrow(small_table),
             paper_baselines.fit_von_mises_fisher(small_table, 2),
