@@ -1,6 +1,9 @@
 """What tests of the web page read off it."""
 
+import base64
+import json
 import re
+import zlib
 
 import numpy as np
 
@@ -11,6 +14,17 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
     return kind === "webgl2" ? null : getContext.call(this, kind, ...rest);
 };
 """
+
+
+def part(text, name):
+    """Text of a script element."""
+    return re.search(rf'<script type="[^"]*" id="{name}">(.*?)</script>', text, re.DOTALL)[1]
+
+
+def described(text):
+    """What the page says of its materials; what many have in common is put into each."""
+    content = json.loads(zlib.decompress(base64.b64decode(part(text, "materials"))))
+    return [content["kinds"][entry["kind"]] | entry for entry in content["materials"]]
 
 
 def faults(page):

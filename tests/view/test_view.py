@@ -9,6 +9,7 @@ import zlib
 
 import numpy as np
 import pytest
+from page_tools import described, part
 from sphere_page import model_of
 
 import dsbrdf
@@ -30,17 +31,6 @@ def changed(model, kappa=1.0, gamma=1.0):
     lobes = model.lobes
     scaled = lobes.replace(scale=lobes.scale + np.log(kappa), gamma=lobes.gamma + np.log(gamma))
     return model.replace(lobes=scaled)
-
-
-def part(text, name):
-    """Text of a script element."""
-    return re.search(rf'<script type="[^"]*" id="{name}">(.*?)</script>', text, re.DOTALL)[1]
-
-
-def described(text):
-    """What the page says of its materials; what many have in common is put into each."""
-    content = json.loads(zlib.decompress(base64.b64decode(part(text, "materials"))))
-    return [content["kinds"][entry["kind"]] | entry for entry in content["materials"]]
 
 
 def numbers(text, dtype):
