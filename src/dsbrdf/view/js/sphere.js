@@ -330,7 +330,8 @@ export class Sphere {
       this.submitted = NaN;
       return;
     }
-    if (this.nBands > 1 && performance.now() < this.waitUntil) this.submitted = NaN;
+    const isFine = this.coarseness === 1 && this.nBands > 1;
+    if (isFine && performance.now() < this.waitUntil) this.submitted = NaN;
     else if (this.materials.length && this.#guard((renderer) => renderer.ready())) {
       this.duration = Math.max(this.duration, performance.now() - this.submitted);
       if (this.renderer.band === 0) this.#pace();
