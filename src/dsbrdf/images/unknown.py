@@ -45,11 +45,11 @@ NOISE = 0.05
 SUB = 2
 #: Rows of the light's map; pixels that materials are compared by, and those that tell the light.
 ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
-#: Power of the probability of a picture that weighs materials, and of that which tells how uncertain they are: cells
-#: and materials are not quite those of the picture, which the noise does not know.
-SHARPNESS, CAUTION = 0.3, 0.1
+#: Power of the probability of a picture that weighs materials: cells and materials are not quite those of the picture,
+#: which the noise does not know.
+SHARPNESS = 0.3
 #: Share of the covariance of all materials that is left in any case.
-LEFT = 0.1
+LEFT = 0.02
 #: Steps to the most probable light, and the longest.
 STEPS, LONGEST = 5, 2.0
 
@@ -235,9 +235,9 @@ def material(scene: Scene, space: MaterialSpace, gaussian: Gaussian) -> Material
     """The mean of the materials of a space, by how probable they make the pixels."""
     candidates = np.vstack([gaussian.mean, space.variables.unknowns(space.curves)])
     evidence = np.array([scene.guess(scene.transfer(raw_lobes(x, gaussian))).evidence for x in candidates])
-    x = _weights(evidence, SHARPNESS) @ candidates
+    weights = _weights(evidence, SHARPNESS)
+    x = weights @ candidates
     off = (candidates - x) @ _unscaled(x, gaussian).T
-    weights = _weights(evidence, CAUTION)
     # No combination of so few materials is that of the picture: a part of what they all vary by is left
     covariance = (1.0 - LEFT) * off.T @ (weights[:, None] * off) + LEFT / len(off) * off.T @ off
     return Material(x, covariance, _n_decided(candidates, weights))
