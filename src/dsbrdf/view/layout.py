@@ -62,9 +62,10 @@ def place(models: Sequence[DSBRDF], space: MaterialSpace | None = None) -> Place
     if len(models) < 2:
         return None
     if space is not None:
-        # One of two materials has one component
-        found = [np.append(space.scores(model), 0.0)[:N_COORDINATES] for model in models]
-        coordinates = np.array(found)
+        coordinates = np.array([space.scores(model)[:N_COORDINATES] for model in models])
+        if coordinates.shape[1] < 2:
+            # The space of two materials
+            coordinates = np.pad(coordinates, ((0, 0), (0, 1)))
         first, second = 100.0 * np.append(space.fpca.explained, 0.0)[:2]
         about = (
             f"Places: the first two scores of the space ({first:.0f} % and {second:.0f} % of its variance)"
