@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+import dsbrdf
 from dsbrdf import _check
 
 DEGREES = "Degrees? Use numpy.deg2rad."
@@ -13,6 +14,105 @@ DEGREES = "Degrees? Use numpy.deg2rad."
 def refused(function, *args, text, **kwargs):
     with pytest.raises(ValueError, match=f"^{re.escape(text)}$"):
         function(*args, **kwargs)
+
+
+class Fit:
+    """Not the one of the package: what is wrong is told by name."""
+
+
+@pytest.mark.parametrize(
+    ("value", "kinds", "text"),
+    [
+        (Fit(), dsbrdf.DSBRDF, "'x' must be a DSBRDF, got Fit. The model of a fit is fit.model."),
+        ("a.json", dsbrdf.DSBRDF, "'x' must be a DSBRDF, got str. dsbrdf.load(path) reads a model file."),
+        (3, dsbrdf.DSBRDF, "'x' must be a DSBRDF, got int."),
+        (
+            "a.binary",
+            (dsbrdf.MeasuredBRDF, dsbrdf.Samples),
+            "'x' must be a MeasuredBRDF or Samples, got str. dsbrdf.read(path) reads a file.",
+        ),
+    ],
+)
+def test_another_kind_is_refused_with_a_remedy(value, kinds, text):
+    with pytest.raises(TypeError, match=f"^{re.escape(text)}$"):
+        _check.instance(value, kinds, "x")
+
+
+def test_a_kind_that_is_wanted_passes():
+    _check.instance("a", (int, str), "x")
+    assert _check.index(np.int32(3), "k") == 3
+    _check.generator(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (
+            lambda: _check.generator(1),
+            "'rng' must be a numpy.random.Generator, got int. numpy.random.default_rng(1)",
+        ),
+        (lambda: _check.index(1.5, "k"), "'k' must be an integer, got 1.5."),
+        (lambda: _check.numbers("a", "x"), "'x' must be numbers, got 'a'."),
+        (lambda: _check.finite({}, "x"), "'x' must be numbers, got {}."),
+        (lambda: _check.unit_vectors("a", "wi"), "'wi' must be numbers, got 'a'."),
+    ],
+)
+def test_what_is_no_number_or_generator(call, text):
+    with pytest.raises(TypeError, match=f"^{re.escape(text)}"):
+        call()
+
+
+MODEL = dsbrdf.library.load("delrin")
+TABLE = dsbrdf.tabulate(lambda wi, wo: 0.3 + 0.0 * (wi + wo), "grey", shape=(10, 6, 8))
+SPACE = dsbrdf.space.builtin()
+UP = [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: dsbrdf.fit(MODEL), "'measured' must be a MeasuredBRDF or Samples, got DSBRDF."),
+        (lambda: dsbrdf.fit(TABLE, prior=3), "'prior' must be a MaterialSpace or Gaussian, got int."),
+        (lambda: dsbrdf.DSBRDF({}), "'lobes' must be a Lobes, got dict."),
+        (lambda: dsbrdf.material(3), "'name' must be a str, got int."),
+        (lambda: dsbrdf.library.load(3), "'name' must be a str, got int."),
+        (lambda: dsbrdf.tabulate(MODEL, "x"), "'reflectance' must be a function of wi and wo, got DSBRDF."),
+        (lambda: dsbrdf.check_model(TABLE), "'model' must be a DSBRDF, got MeasuredBRDF. dsbrdf.fit"),
+        (lambda: dsbrdf.fit_many([MODEL]), "'targets' must be a str or Path or MeasuredBRDF or Samples, got"),
+        (lambda: dsbrdf.Samples([UP], [UP], "a"), "'values' must be numbers, got 'a'."),
+        (lambda: MODEL.lobe("a"), "'k' must be an integer, got 'a'."),
+        (lambda: MODEL.eval("a", UP), "'wi' must be numbers, got 'a'."),
+        (lambda: MODEL.albedo("a"), "'theta_i' must be numbers, got 'a'."),
+        (lambda: MODEL.sample(UP, 1), "'rng' must be a numpy.random.Generator, got int."),
+        (lambda: SPACE.draw(1, 1), "'rng' must be a numpy.random.Generator, got int."),
+        (lambda: SPACE.nearest("nickel"), "'model' must be a DSBRDF, got str. dsbrdf.load"),
+        (lambda: SPACE.blend(MODEL, TABLE, 0.5), "'b' must be a DSBRDF, got MeasuredBRDF."),
+        (lambda: SPACE.move(MODEL, "a", 1.0), "'axis' must be an integer, got 'a'."),
+        (lambda: dsbrdf.space.build_space([MODEL, 3]), "'models' must be a DSBRDF, got int."),
+        (lambda: dsbrdf.view.page([MODEL, "a.json"]), "'models' must be a DSBRDF, got str."),
+        (lambda: dsbrdf.view.page(3), "'models' must be a DSBRDF, got int."),
+        (lambda: dsbrdf.export.export(TABLE, "x", "glsl"), "'model' must be a DSBRDF, got MeasuredBRDF."),
+        (lambda: dsbrdf.plot.fit_figure(MODEL), "'fit' must be a Fit, got DSBRDF. dsbrdf.fit"),
+        (lambda: dsbrdf.plot.parameter_figure(TABLE), "'model' must be a DSBRDF, got MeasuredBRDF."),
+        (lambda: dsbrdf.plot.samples_figure(TABLE), "'samples' must be a Samples, got MeasuredBRDF."),
+        (lambda: dsbrdf.plot.write_figure(MODEL, "x.png"), "'figure' must be a Figure, got DSBRDF."),
+        (
+            lambda: dsbrdf.baselines.fit_ggx_pair(MODEL),
+            "'measured' must be a MeasuredBRDF, got DSBRDF. dsbrdf.tabulate",
+        ),
+        (
+            lambda: dsbrdf.baselines.fit_bivariate("a"),
+            "'measured' must be a MeasuredBRDF, got str. dsbrdf.read",
+        ),
+        (
+            lambda: dsbrdf.render.to_dict(3),
+            "'reflectance' must be a DSBRDF or TexelMaps or MeasuredBRDF, got int.",
+        ),
+    ],
+)
+def test_the_wrong_thing_is_refused_by_its_kind(call, text):
+    with pytest.raises(TypeError, match=f"^{re.escape(text)}"):
+        call()
 
 
 @pytest.mark.parametrize(

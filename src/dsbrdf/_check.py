@@ -6,6 +6,7 @@ Each message says which argument, what is required, what came and where, and wha
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,94 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsbrdf import _core
 
-__all__ = ["angle", "finite", "require_rgb", "unit_vectors", "unit_vectors_any"]
+__all__ = [
+    "angle",
+    "finite",
+    "generator",
+    "index",
+    "instance",
+    "numbers",
+    "require_rgb",
+    "unit_vectors",
+    "unit_vectors_any",
+]
 
 UNIT_TOLERANCE = 1e-4
+
+
+#: What to do with what is often given in place of something else: kinds wanted, kind given, remedy.
+_REMEDIES = (
+    ("DSBRDF", "Fit", "The model of a fit is fit.model"),
+    ("DSBRDF", "MeasuredBRDF Samples", "dsbrdf.fit(measured).model is one"),
+    ("DSBRDF", "str Path PosixPath WindowsPath", "dsbrdf.load(path) reads a model file"),
+    ("Fit", "DSBRDF", "dsbrdf.fit(measured) gives a fit, which knows its measurement"),
+    ("Fit", "MeasuredBRDF Samples", "dsbrdf.fit(measured) gives one"),
+    ("MeasuredBRDF Samples", "str Path PosixPath WindowsPath", "dsbrdf.read(path) reads a file"),
+    ("MeasuredBRDF Samples", "Fit", "The measurement of a fit is fit.measured"),
+    ("MeasuredBRDF", "DSBRDF", "dsbrdf.tabulate(model.eval, model.name) makes a table"),
+    ("MeasuredBRDF", "Samples", "dsbrdf.fit(samples) fits scattered samples"),
+)
+
+
+def instance(value: Any, kinds: type | tuple[type, ...], name: str) -> None:
+    """Refuse an argument of another kind.
+
+    Raises
+    ------
+    TypeError
+        Says which kind is expected and which came, and how to get from one to the other.
+    """
+    if isinstance(value, kinds):
+        return
+    wanted = [kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,))]
+    got = type(value).__name__
+    remedy = next(
+        (f" {text}." for w, g, text in _REMEDIES if set(w.split()) & set(wanted) and got in g.split()), ""
+    )
+    raise TypeError(f"'{name}' must be a {' or '.join(wanted)}, got {got}.{remedy}")
+
+
+def generator(rng: Any, name: str = "rng") -> None:
+    """Refuse what draws no random numbers, such as a seed.
+
+    Raises
+    ------
+    TypeError
+        Unless it is a `numpy.random.Generator`.
+    """
+    if not isinstance(rng, np.random.Generator):
+        raise TypeError(
+            f"'{name}' must be a numpy.random.Generator, got {type(rng).__name__}. "
+            "numpy.random.default_rng(1) is one with the seed 1."
+        )
+
+
+def index(value: Any, name: str) -> int:
+    """Return an integer of any kind as an int.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    """
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise TypeError(f"'{name}' must be an integer, got {value!r:.60}.") from None
+
+
+def numbers(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return `value` as float64.
+
+    Raises
+    ------
+    TypeError
+        If it is not made of numbers.
+    """
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"'{name}' must be numbers, got {value!r:.60}.") from None
 
 
 def _first(bad: NDArray[np.bool_]) -> str:
@@ -36,7 +122,7 @@ def finite(
     ValueError
         If an entry is outside the range or not finite; names the first offender.
     """
-    array = np.asarray(value, dtype=np.float64)
+    array = numbers(value, name)
     bad = ~np.isfinite(array) | (array < low) | (array > high)
     if open_low:
         bad |= array <= low
@@ -60,7 +146,7 @@ def angle(value: ArrayLike, name: str, *, high: float = np.pi / 2) -> NDArray[np
     ValueError
         If an entry is outside; asks whether degrees were meant.
     """
-    array = np.asarray(value, dtype=np.float64)
+    array = numbers(value, name)
     slack = 1e-6  # pi/2 in single precision is 4e-8 too large
     bad = ~((array >= -slack) & (array <= high + slack))
     if bad.any():
@@ -81,7 +167,7 @@ def unit_vectors(value: Any, name: str) -> NDArray[np.float64]:
     ValueError
         If the last axis is not of length 3, or a vector's norm differs from 1 by more than 1e-4.
     """
-    array = np.asarray(value, dtype=np.float64)
+    array = numbers(value, name)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"'{name}' must have x, y, z on its last axis, got shape {array.shape}.")
     flat = np.ascontiguousarray(array).reshape(-1, 3)

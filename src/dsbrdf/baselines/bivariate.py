@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf import _check
 from dsbrdf._brief import Brief
 from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.geometry import half_diff
@@ -90,6 +91,7 @@ def fit_bivariate(measured: MeasuredBRDF) -> Bivariate:
     >>> baselines.fit_bivariate(dsbrdf.material("matte")).n_parameters
     24069
     """
+    _check.instance(measured, MeasuredBRDF, "measured")
     count, total = np.moveaxis(measured.moments(range(len(measured.theta_d)))[..., :2], -1, 0)
     if not count.any():
         raise ValueError(

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf import _check
 from dsbrdf.baselines._base import AbstractBaseline, Array
 from dsbrdf.fitting.observations import cell_area
 from dsbrdf.geometry import half_diff
@@ -270,6 +271,7 @@ class Problem:
 
 def _entries(measured: MeasuredBRDF) -> tuple[Array, Array, Array, Array]:
     """Directions, values (theta_h, theta_d, phi_d, channel), NaN where invalid, and solid angles of some entries."""
+    _check.instance(measured, MeasuredBRDF, "measured")
     n_d, n_phi = measured.planes.shape[2:]
     rows = np.arange(n_d)[min(D_STEP // 2, n_d - 1) :: D_STEP]
     columns = np.unique((np.arange(N_PHI) + 0.5) * n_phi // N_PHI).astype(int)

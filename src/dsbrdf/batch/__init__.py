@@ -16,13 +16,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import _files
+from dsbrdf import _check, _files
 from dsbrdf.batch.dispatch import ExecutorLostError, Executors, WorkerDiedError, dispatched
 from dsbrdf.batch.jobs import FIGURES, Answer, Job, Order, Target, label_of, open_target
 from dsbrdf.batch.lock import BusyError
 from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path
 from dsbrdf.measured.formats.nbrdf import npy_set
 from dsbrdf.measured.formats.text_file import has_numbers
+from dsbrdf.measured.samples import Samples
+from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import file as model_file
 from dsbrdf.model.dsbrdf import DSBRDF
 
@@ -290,6 +292,7 @@ class _FailedError(Exception):
 
 def _jobs(targets: Iterable[Target], book: Book, figures: bool) -> Iterator[Job]:
     for index, given in enumerate(targets):
+        _check.instance(given, (str, Path, MeasuredBRDF, Samples), "targets")
         target = str(given) if isinstance(given, Path) else given
         file = Path(target) if isinstance(target, str) else target.source.file
         known = None if file is None else book.known(file.name, figures=figures)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf import _check
 from dsbrdf.fitting import estimator, metrics, uncertainty
 from dsbrdf.fitting.coverage import Coverage
 from dsbrdf.fitting.observations import Observations
@@ -315,12 +316,13 @@ def _prior(
     """What the estimator takes: of a space, what it expects of a material with these values."""
     if prior is None:
         return None
-    from dsbrdf.space import Gaussian, builtin
+    from dsbrdf.space import Gaussian, MaterialSpace, builtin
 
     if isinstance(prior, str):
         if prior != LIBRARY:
             raise ValueError(f"'prior' must be {LIBRARY!r}, a space or a Gaussian, got {prior!r}.")
         prior = builtin()
+    _check.instance(prior, (MaterialSpace, Gaussian), "prior")
     n_channels = observations.n_channels
     of = f"{len(prior.channels)} channels"
     fits = len(prior.channels) == n_channels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 __all__ = ["AUTO", "CURVES", "LOSSES", "MAX_LOBES", "FitOptions"]
 
@@ -50,7 +51,9 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         if self.n_lobes != AUTO and (
-            isinstance(self.n_lobes, str | bool) or not 1 <= self.n_lobes <= MAX_LOBES
+            isinstance(self.n_lobes, bool)
+            or not isinstance(self.n_lobes, Integral)
+            or not 1 <= self.n_lobes <= MAX_LOBES
         ):
             raise ValueError(f"'n_lobes' must be 1 to {MAX_LOBES} or {AUTO!r}, got {self.n_lobes!r}.")
         for name, allowed in (("loss", LOSSES), ("curves", tuple(CURVES))):

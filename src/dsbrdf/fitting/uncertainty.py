@@ -352,7 +352,7 @@ def band(value: Any, deviation: Array, level: float) -> tuple[Array, Array]:
     """
     from scipy.special import ndtri
 
-    if not 0.0 < level < 1.0:
+    if not 0.0 < float(_check.numbers(level, "level")) < 1.0:
         raise ValueError(f"'level' must be between 0 and 1, got {level!r}.")
     factor = np.exp(float(ndtri(0.5 + 0.5 * level)) * deviation)
     return value / factor, value * factor

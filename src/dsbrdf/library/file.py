@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import _files, _json
+from dsbrdf import _check, _files, _json
 from dsbrdf.geometry.half_diff import AZIMUTHAL_WIDTH
 from dsbrdf.measured.source import Source
 from dsbrdf.model.dsbrdf import DSBRDF
@@ -99,6 +99,7 @@ class Library:
         OSError
             If the file cannot be read.
         """
+        _check.instance(name, str, "name")
         at = self._places.get(name)
         if at is None:
             near = difflib.get_close_matches(name, self.names, n=3)

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsbrdf import _check
 from dsbrdf.measured.reflectance import coated, ggx, oren_nayar
 from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF, tabulate
@@ -135,6 +136,7 @@ def get(name: str) -> Material:
     >>> get("rough-gold").reflectance([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]).round(2)
     array([0.82, 0.7 , 0.36])
     """
+    _check.instance(name, str, "name")
     if name in _BY_NAME:
         return _BY_NAME[name]
     close = difflib.get_close_matches(name, names(), n=1, cutoff=0.5)

@@ -76,7 +76,7 @@ class Samples:
     remarks: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        values = np.array(self.values, dtype=np.float64)
+        values = np.array(_check.numbers(self.values, "values"))
         if values.ndim != 2 or values.size == 0:
             raise ValueError(
                 f"'values' must have shape (n, channel) with a sample at least, got {values.shape}."

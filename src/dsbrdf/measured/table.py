@@ -198,6 +198,8 @@ def tabulate(
 
     Raises
     ------
+    TypeError
+        If `reflectance` is no function.
     ValueError
         If an option is out of range, or `reflectance` returns another shape.
 
@@ -209,6 +211,11 @@ def tabulate(
     >>> dsbrdf.tabulate(grey, "grey", shape=(18, 9, 18))
     MeasuredBRDF('grey', 18 theta_h x 9 theta_d x 18 phi_d, 1 channels, centre convention)
     """
+    if not callable(reflectance):
+        raise TypeError(
+            f"'reflectance' must be a function of wi and wo, got {type(reflectance).__name__}. "
+            "Of a model, give model.eval."
+        )
     theta_h, theta_d, phi_d = cell_angles(convention, shape)
     planes: NDArray[np.float64] | None = None
     # One theta_h at a time: small temporaries

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsbrdf import _check
 from dsbrdf.model import chi_square
 from dsbrdf.model.energy import ALBEDO_ANGLES, ALBEDO_TOLERANCE
 
@@ -118,6 +119,9 @@ def check_model(model: DSBRDF, rng: np.random.Generator | None = None) -> CheckR
     >>> report.ok, report.reciprocity
     (True, 0.0)
     """
+    from dsbrdf.model.dsbrdf import DSBRDF
+
+    _check.instance(model, DSBRDF, "model")
     rng = np.random.default_rng(0) if rng is None else rng
     wi, wo = _directions(rng, N_PAIRS), _directions(rng, N_PAIRS)
     values, swapped = model.eval(wi, wo), model.eval(wo, wi)

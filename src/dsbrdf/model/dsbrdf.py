@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsbrdf import _text
+from dsbrdf import _check, _text
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.profile import MeasuredProfile
 from dsbrdf.measured.source import Source
@@ -66,6 +66,7 @@ class DSBRDF:
     profile: MeasuredProfile | None = None
 
     def __post_init__(self) -> None:
+        _check.instance(self.lobes, Lobes, "lobes")
         object.__setattr__(self, "name", _text.well_formed(self.name))
         object.__setattr__(self, "channels", channel_names(self.channels, self.lobes.n_channels))
 
@@ -129,6 +130,7 @@ class DSBRDF:
         IndexError
             If there is no such lobe.
         """
+        k = _check.index(k, "k")
         if not -self.n_lobes <= k < self.n_lobes:
             raise IndexError(f"lobe {k}: the model has {self.n_lobes} lobes, numbered from 0.")
         k %= self.n_lobes

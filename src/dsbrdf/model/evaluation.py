@@ -22,8 +22,10 @@ MAX_FACTOR = 300.0
 
 
 def evaluate(lobes: Lobes, wi: Any, wo: Any) -> Any:
-    """Values (..., channel) at pairs of directions, by the kernel where all arrays are NumPy's."""
-    if all(isinstance(array, np.ndarray | list | tuple) for array in (wi, wo, *lobes.parts)):
+    """Values (..., channel) at pairs of directions, by the kernel unless an array is of another library."""
+    if all(
+        isinstance(array, np.ndarray | list | tuple | str | int | float) for array in (wi, wo, *lobes.parts)
+    ):
         return evaluate_numpy(lobes, wi, wo)
     return evaluate_any(lobes, wi, wo)
 

@@ -118,6 +118,7 @@ def _row(cos_theta: Array) -> NDArray[np.int_]:
 
 def sample(lobes: Lobes, wo: ArrayLike, rng: np.random.Generator) -> Array:
     """Draw directions toward the light; see `DSBRDF.sample`."""
+    _check.generator(rng)
     made = tables(lobes)
     wo = _check.unit_vectors(wo, "wo")
     flat = wo.reshape(-1, 3)

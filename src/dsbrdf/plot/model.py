@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
+from dsbrdf import _check
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model import sphere
 from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, LOBE_COLOURS, LOBE_DASHES, STYLE, plain
@@ -101,6 +102,9 @@ class _Plane:
 
 
 def _table(fit: Fit) -> MeasuredBRDF:
+    from dsbrdf.fitting import Fit
+
+    _check.instance(fit, Fit, "fit")
     if not isinstance(fit.measured, MeasuredBRDF):
         raise TypeError(
             f"{fit.model.name or 'the fit'}: figures of fits show tables, got scattered samples. "
@@ -304,6 +308,9 @@ def parameter_figure(model: DSBRDF, n: int = 181) -> Figure:
     >>> len(figure.axes)
     6
     """
+    from dsbrdf.model.dsbrdf import DSBRDF
+
+    _check.instance(model, DSBRDF, "model")
     theta_d = np.linspace(0.0, np.pi / 2, n)
     at = model.lobes.at(theta_d)
     shown = _channels(model)
@@ -372,6 +379,8 @@ def demo_figure(fits: Sequence[Fit], notes: Sequence[str] = (), *, n_pixels: int
     >>> len(figure.axes)
     6
     """
+    for fit in fits:
+        _table(fit)
     n_lobes = max(fit.model.n_lobes for fit in fits)
     lobes = [f"lobe {k}" for k in range(min(n_lobes, SHOWN_LOBES))] + ["others"] * (n_lobes > SHOWN_LOBES)
     widths = [1.9, *[1.0] * (2 + len(lobes)), 0.35, 1.8]

@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from dsbrdf import _check
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.samples import Samples
 from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, STYLE
@@ -44,6 +45,7 @@ def samples_figure(samples: Samples) -> Figure:
     matplotlib.figure.Figure
         Scans in the plane of incidence, and the views of all samples seen from above, the light at the right.
     """
+    _check.instance(samples, Samples, "samples")
     return _figure(samples, None)
 
 

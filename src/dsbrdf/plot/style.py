@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from dsbrdf import _files, _text
+from dsbrdf import _check, _files, _text
 
 __all__ = [
     "CHANNEL_COLOURS",
@@ -77,6 +77,7 @@ def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
     ...     path.exists()
     True
     """
+    _check.instance(figure, Figure, "figure")
     path = Path(path)
     with _files.aside(path) as part, matplotlib.rc_context(STYLE):
         # By which a later run knows that it may be replaced

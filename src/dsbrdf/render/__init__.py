@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from dsbrdf import _check
 from dsbrdf.batch.texels import TexelMaps
 from dsbrdf.measured.table import MeasuredBRDF
 from dsbrdf.model.dsbrdf import DSBRDF
@@ -46,6 +47,7 @@ def to_dict(reflectance: DSBRDF | TexelMaps | MeasuredBRDF) -> dict[str, Any]:
     ValueError
         If a channel of a table has no valid entry, or maps have no rows and columns.
     """
+    _check.instance(reflectance, (DSBRDF, TexelMaps, MeasuredBRDF), "reflectance")
     if isinstance(reflectance, DSBRDF | TexelMaps):
         return mitsuba_bsdf.to_dict(reflectance)
     return measured_bsdf.to_dict(reflectance)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsbrdf import library
+from dsbrdf import _check, library
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.space.correspondence import lobe_slots, pad, two_class_border
 from dsbrdf.space.fpca import Fpca, fit_fpca
@@ -54,6 +54,8 @@ def build_space(
     ('nickel', 'red-fabric', 'delrin')
     """
     models = list(models)
+    for model in models:
+        _check.instance(model, DSBRDF, "models")
     if len(models) < 2:
         raise ValueError(f"a space needs two models at least, got {len(models)}.")
     convention = next((c for c in map(convention_of, models) if c), "")

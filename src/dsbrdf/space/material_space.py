@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from dsbrdf import _check
 from dsbrdf.model import energy
 from dsbrdf.model.dsbrdf import DSBRDF
 from dsbrdf.model.energy import ALBEDO_ANGLES
@@ -123,6 +124,7 @@ class MaterialSpace:
         ValueError
             If it has other channels, more lobes than there are slots for, or was fitted with another convention.
         """
+        _check.instance(model, DSBRDF, "model")
         check_channels(model, self.channels)
         check_convention(model, self.settings.convention)
         variables = self.variables
@@ -178,6 +180,8 @@ class MaterialSpace:
         ValueError
             If `t` is not in [0, 1]; and as `encode`.
         """
+        for name_of, end in (("a", a), ("b", b)):
+            _check.instance(end, DSBRDF, name_of)
         if not 0.0 <= t <= 1.0:
             raise ValueError(f"'t' must be between 0 and 1, got {t!r}. To go farther, use move.")
         name = name or f"{a.name} {1.0 - t:.0%} {b.name} {t:.0%}"
@@ -218,7 +222,7 @@ class MaterialSpace:
         ValueError
             If there is no such axis, or `by` is not finite; and as `encode`.
         """
-        n = len(self.fpca.variances)
+        n, axis = len(self.fpca.variances), _check.index(axis, "axis")
         if not 1 <= axis <= n:
             raise ValueError(f"'axis' must be between 1 and {n}, got {axis!r}.")
         if not np.isfinite(by):
@@ -245,6 +249,7 @@ class MaterialSpace:
         ValueError
             If `n` is negative, or `share` out of range.
         """
+        _check.generator(rng)
         if n < 0:
             raise ValueError(f"'n' must not be negative, got {n}.")
         known = self.fpca.scores[:, : self.fpca.n_components(share)]

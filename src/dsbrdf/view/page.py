@@ -5,14 +5,14 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsbrdf import _files, shader
+from dsbrdf import _check, _files, shader
 from dsbrdf.geometry import half_diff
 from dsbrdf.model import components, evaluation, lobes, sampling, sphere
 from dsbrdf.model import file as model_file
@@ -78,7 +78,10 @@ def page(models: DSBRDF | Sequence[DSBRDF], *, space: MaterialSpace | None = Non
     >>> dsbrdf.view.page(dsbrdf.library.load("nickel"))[:15]
     '<!doctype html>'
     """
-    models = _named([models] if isinstance(models, DSBRDF) else list(models))
+    models = [models] if not isinstance(models, Iterable) or isinstance(models, str) else list(models)
+    for model in models:
+        _check.instance(model, DSBRDF, "models")
+    models = _named(models)
     if not models:
         raise ValueError("'models' must hold at least one model, got none.")
     # Marks and what comes between them, so that nothing that is put in is searched for marks
