@@ -12,7 +12,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from figures import assert_nothing_is_cut
 from hypothesis import settings
+from matplotlib.figure import Figure
 from reflectances import closed_form
 
 from dsbrdf import material, tabulate, write_merl
@@ -26,6 +28,19 @@ settings.register_profile("dsbrdf", settings.default, deadline=None)
 settings.load_profile("dsbrdf")
 
 SMALL = (12, 18, 20)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_cut(monkeypatch):
+    """Whatever figure a test writes, all its texts lie in it."""
+    save = Figure.savefig
+
+    def checked(figure, *arguments, **options):
+        save(figure, *arguments, **options)
+        is_vector = options.get("format") in ("pdf", "svg")
+        assert_nothing_is_cut(figure, drawn_at=None if is_vector else options.get("dpi", figure.dpi))
+
+    monkeypatch.setattr(Figure, "savefig", checked)
 
 
 @pytest.fixture

@@ -26,6 +26,7 @@ import typer
 from dsbrdf import _text
 
 __all__ = [
+    "Force",
     "State",
     "app",
     "check_folder",
@@ -44,6 +45,9 @@ __all__ = [
 INTERRUPTED = 130
 #: Seconds after Ctrl-C in which the work may end by itself.
 PATIENCE = 0.5
+
+#: What all commands that write a file which the user names have.
+Force = Annotated[bool, typer.Option("--force", help="Replace files that dsbrdf did not write.")]
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -368,7 +372,7 @@ def check_folder(folder: Path) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
 
 
-def check_output(out: Path, inputs: Iterable[str | Path], *, force: bool = True) -> None:
+def check_output(out: Path, inputs: Iterable[str | Path], *, force: bool = False) -> None:
     """Fail before the work is done if `out` may not be replaced: see `dsbrdf._files.check_replaceable`."""
     from dsbrdf import _files
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, note, say, tell
+from dsbrdf.cli._app import Force, State, app, check_output, note, say, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -46,12 +46,13 @@ def convert(
     kind: Annotated[
         Kind | None, typer.Option("--to", "-t", help="Format of OUT, if its suffix does not tell.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that dsbrdf did not write.")] = False,
+    force: Force = False,
     *,
     reading: Any,
 ) -> None:
     """Convert measured files to another format; print what it loses."""
     from dsbrdf import _files, batch
+    from dsbrdf.cli import _report as report
     from dsbrdf.export.convert import KINDS
     from dsbrdf.export.convert import convert as convert_file
     from dsbrdf.measured.formats.nbrdf import npy_set
@@ -60,7 +61,10 @@ def convert(
     inside = _inside(source) if source.is_dir() else []
     if not inside or (len(inside) == 1 and npy_set(source) is not None):
         check_output(target, [source], force=force)
-        _tell(convert_file(source, target, kind, **reading))
+        with report.progress(1) as step:
+            step(source.name)
+            done = convert_file(source, target, kind, **reading)
+        _tell(done)
         return
     if kind is None:
         raise typer.BadParameter("a folder needs a format: add -t FORMAT.", param_hint="'--to'")
@@ -70,6 +74,7 @@ def convert(
         try:
             out = target / f"{name}{KINDS[kind]}"
             _files.check_replaceable(out, force=force, sources=[file])
+            state.begin(str(file))
             _tell(convert_file(file, out, kind, **reading))
         except (OSError, ValueError, ImportError) as error:
             if state.debug:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_output, note, tell
+from dsbrdf.cli._app import Force, State, app, check_output, note, tell
 from dsbrdf.cli._reading import takes_reading
 from dsbrdf.export import FORMATS
 
@@ -41,7 +41,7 @@ def export(
             metavar="A[,B,C]", help="Channels to take: one is shown grey, three as red, green, blue."
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that dsbrdf did not write.")] = False,
+    force: Force = False,
     *,
     reading: Any,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, tell
+from dsbrdf.cli._app import Force, State, app, tell
 from dsbrdf.cli._reading import takes_reading
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def info(
     uncertainty: Annotated[
         bool, typer.Option("--uncertainty", help="Also print how certain the fit of a measurement is.")
     ] = False,
+    force: Force = False,
     *,
     reading: Any,
 ) -> None:
@@ -52,7 +53,7 @@ def info(
     state: State = context.obj
     if Path(model).exists() and not model.lower().endswith(".json"):
         state.begin(model)
-        print_measured(Path(model), reading, plot)
+        print_measured(Path(model), reading, plot, force=force)
         state.begin("")
     elif plot is not None:
         raise typer.BadParameter("draws measured files; 'dsbrdf view' shows a model.", param_hint="'--plot'")
@@ -70,6 +71,7 @@ def info(
 def print_fit(target: str, reading: Mapping[str, Any]) -> None:
     """Print what a fit of a measurement holds, and how certain its curves are."""
     from dsbrdf import batch
+    from dsbrdf.cli import _report as report
     from dsbrdf.cli._report import _console
     from dsbrdf.fitting import fit
     from dsbrdf.library import model_named
@@ -79,13 +81,17 @@ def print_fit(target: str, reading: Mapping[str, Any]) -> None:
             f"{target} is a model, without its measurement. Name what was measured.",
             param_hint="'--uncertainty'",
         )
-    found = fit(batch.open_target(target, reading))
+    with report.progress(1) as step:
+        step(Path(target).stem)
+        found = fit(batch.open_target(target, reading))
     print_model(found.model)
     _console().print()
     _console().print(repr(found.standard_errors()), soft_wrap=True)
 
 
-def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None = None) -> None:
+def print_measured(
+    path: Path, reading: Mapping[str, Any], figure: Path | None = None, *, force: bool = False
+) -> None:
     """Print what a measured file holds, and draw it if a figure is wanted."""
     from dsbrdf.cli._app import check_output, missing_plots
     from dsbrdf.cli._report import _console, _Table
@@ -93,7 +99,7 @@ def print_measured(path: Path, reading: Mapping[str, Any], figure: Path | None =
     from dsbrdf.measured.read import format_of
 
     if figure is not None:
-        check_output(figure, [path])
+        check_output(figure, [path], force=force)
         if missing := missing_plots():
             raise ModuleNotFoundError(missing)
     measured = read(path, **reading)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsbrdf.cli._app import app, check_folder, check_output, tell
+from dsbrdf.cli._app import Force, app, check_folder, check_output, tell
 
 if TYPE_CHECKING:
     from dsbrdf.library import Library
@@ -54,6 +54,7 @@ def write(
         typer.Argument(metavar="MODEL", help="Model files, or folders of them.", show_default=False),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The library.")],
+    force: Force = False,
 ) -> None:
     """Write models into one file, a library."""
     from dsbrdf import library as libraries
@@ -62,7 +63,7 @@ def write(
     if out.suffix != libraries.SUFFIX:
         raise typer.BadParameter(f"a library is a {libraries.SUFFIX} file, got {out}.", param_hint="'--out'")
     files = [file for path in models for file in (model_file.models_in(path) if path.is_dir() else [path])]
-    check_output(out, files)
+    check_output(out, files, force=force)
     check_folder(out.parent)
     libraries.write(out, map(model_file.load, files))
     tell(f"{out}: {len(files)} materials")

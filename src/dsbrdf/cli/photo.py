@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, note, tell
+from dsbrdf.cli._app import Force, State, app, check_folder, check_output, missing_plots, note, tell
 
 UNKNOWN = "unknown"
 #: Endings of environment maps.
@@ -89,6 +89,7 @@ def photo(
             show_default=False,
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Find the reflectance of an object of known shape in pictures, in a known light or an unknown one."""
     from dsbrdf import images
@@ -105,7 +106,7 @@ def photo(
     ]
     for path in (out, light_out, compare):
         if path is not None:
-            check_output(path, given)
+            check_output(path, given, force=force)
             check_folder(path.parent)
     if light_out is not None and light != UNKNOWN and Path(light).suffix.lower() not in MAPS:
         raise typer.BadParameter("only an environment map can be written.", param_hint="'--light-out'")

@@ -43,6 +43,9 @@ def plan(
         Path | None,
         typer.Option(metavar="FILE", help="Also draw the directions, a .png.", show_default=False),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files, also a plan that was filled in.")
+    ] = False,
     *,
     reading: Any,
 ) -> None:
@@ -54,8 +57,13 @@ def plan(
 
     for path in (out, picture):
         if path is not None:
-            check_output(path, [known] if known else [])
+            check_output(path, [known] if known else [], force=force or path == out)
             check_folder(path.parent)
+    if out.exists() and not force:
+        raise typer.BadParameter(
+            f"{out} is there already, and may have been filled in. Give another name, or add --force.",
+            param_hint="'--out'",
+        )
     if picture is not None and (missing := missing_plots()):
         raise ModuleNotFoundError(missing)
     state: State = context.obj
@@ -65,14 +73,16 @@ def plan(
         raise typer.BadParameter(
             f"{known} holds a table: there is nothing left to plan.", param_hint="'--known'"
         )
-    found = find(
-        samples,
-        known=measured,
-        space=builtin() if space == "library" else load_space(space),
-        in_plane=in_plane,
-        theta_max=theta_max,
-        least_angle=least_angle,
-    )
+    with report.progress(1) as step:
+        step("planning")
+        found = find(
+            samples,
+            known=measured,
+            space=builtin() if space == "library" else load_space(space),
+            in_plane=in_plane,
+            theta_max=theta_max,
+            least_angle=least_angle,
+        )
     found.save(out)
     report.print_plan(found)
     tell(out)

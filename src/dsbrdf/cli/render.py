@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from dsbrdf.cli._app import State, app, check_folder, missing_plots, tell
+from dsbrdf.cli._app import Force, State, app, check_folder, check_output, missing_plots, tell
 
 
 class Loss(StrEnum):
@@ -54,6 +54,7 @@ def render(
     spp: Annotated[int, typer.Option(min=1, help="Samples a pixel; with 256 noise is hardly seen.")] = 256,
     size: Annotated[int, typer.Option(min=1, help="Pixels along a side of each picture.")] = 256,
     loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.log,
+    force: Force = False,
 ) -> None:
     """Render materials: measured, fitted, by lobe, beside other models; with maps of the difference."""
     from dsbrdf.cli import _report as report
@@ -67,13 +68,16 @@ def render(
         )
     if path.suffix.lower() == ".png" and (missing := missing_plots()):
         raise ModuleNotFoundError(missing)
+    check_output(path, [*what, *([envmap] if envmap else [])], force=force)
     check_folder(path.parent)
     view = View(shape, envmap, size, spp)
     state: State = context.obj
     subjects = []
-    for target in what:
-        state.begin(target)
-        subjects.append(comparison.open_subjects(target, loss=loss.value, lobes=lobes, compare=compare))
+    with report.progress(len(what)) as step:
+        begin = state.announce(step)
+        for target in what:
+            begin(target)
+            subjects.append(comparison.open_subjects(target, loss=loss.value, lobes=lobes, compare=compare))
     state.begin("")
     with report.progress(sum(len(row) for _, row in subjects)) as step:
         rows = [comparison.render_row(title, row, view, state.announce(step)) for title, row in subjects]

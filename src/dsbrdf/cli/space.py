@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsbrdf import _files
-from dsbrdf.cli._app import State, app, check_folder, check_output, missing_plots, note, tell
+from dsbrdf.cli._app import Force, State, app, check_folder, check_output, missing_plots, note, tell
 
 if TYPE_CHECKING:
     from dsbrdf import batch
@@ -53,8 +53,8 @@ def build(
         list[str],
         typer.Argument(
             metavar="MODEL",
-            help="Model files, measured files, folders of either, or names of built-in materials. What is measured is "
-            "fitted with five lobes.",
+            help="Model files, measured files, folders of either, or names of the library or of built-in materials. "
+            "What is measured is fitted with five lobes.",
             show_default=False,
         ),
     ],
@@ -69,6 +69,7 @@ def build(
         Path | None,
         typer.Option("--view", metavar="FILE", help="Write a web page of the models, laid out in the space."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Build a space of materials."""
     from dsbrdf.cli import _report as report
@@ -78,7 +79,10 @@ def build(
     check_folder(out.parent)
     if out.suffix.lower() != ".npz":
         raise typer.BadParameter(f"a space is an .npz file, got {out}.", param_hint="'--out'")
-    opened = _open(models, out, context.obj)
+    for path in (out, view):
+        if path is not None:
+            check_output(path, models, force=force)
+    opened = _open(models, out, context.obj, force=force)
     made = build_space(opened, correspondence=correspondence.value)
     made.save(out)
     report.print_space(made, out)
@@ -129,10 +133,11 @@ def blend(
     path: SpaceFile = None,
     t: Annotated[float, typer.Option(help="Share of B, 0 to 1.")] = 0.5,
     out: Out = None,
+    force: Force = False,
 ) -> None:
     """Write the model part of the way from A to B."""
     made = _load(path)
-    _write(made.blend(_material(made, a), _material(made, b), t), out, a, b)
+    _write(made.blend(_material(made, a), _material(made, b), t), out, a, b, force=force)
 
 
 @space.command()
@@ -142,6 +147,7 @@ def move(
     axis: Annotated[int, typer.Option(help="Principal function, from 1.")] = 1,
     by: Annotated[float, typer.Option(help="Standard deviations; negative for the other way.")] = 1.0,
     out: Out = None,
+    force: Force = False,
 ) -> None:
     """Write a model moved along a principal function."""
     made = _load(path)
@@ -149,7 +155,7 @@ def move(
         note(
             f"warning: {by:g} standard deviations are beyond all materials; run 'dsbrdf check' on what comes out."
         )
-    _write(made.move(_material(made, model), axis, by), out, model)
+    _write(made.move(_material(made, model), axis, by), out, model, force=force)
 
 
 @space.command()
@@ -158,16 +164,17 @@ def draw(
     n: Annotated[int, typer.Option("-n", min=1, help="How many.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same materials.")] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the models.")] = Path(),
+    force: Force = False,
 ) -> None:
     """Draw new materials; write draw-1.json and so on."""
     import numpy as np
 
     check_folder(out)
     for model in _load(path).draw(n, np.random.default_rng(seed)):
-        _write(model, out / f"{_stem(model.name)}.json")
+        _write(model, out / f"{_stem(model.name)}.json", force=force)
 
 
-def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
+def _open(targets: list[str], out: Path, state: State, *, force: bool) -> list[DSBRDF]:
     """Models, in the order given; what is measured is fitted in the way that is best for spaces."""
     from dsbrdf import batch
     from dsbrdf.cli import _report as report
@@ -176,7 +183,7 @@ def _open(targets: list[str], out: Path, state: State) -> list[DSBRDF]:
     from dsbrdf.view import collect
 
     names = collect.expand(targets)
-    check_output(out, [*targets, *names])
+    check_output(out, [*targets, *names], force=force)
     measured = [name for name in names if not _is_model(name)]
     with report.progress(len(measured)) as step:
         step("")
@@ -200,11 +207,12 @@ def _model_of(outcome: batch.Outcome) -> DSBRDF:
 
 
 def _is_model(name: str) -> bool:
-    """Whether this is a model file, or a material of a library file."""
-    from dsbrdf.library import SUFFIX
+    """Whether this is a model file, or a material of a library file or of the built-in library."""
+    from dsbrdf.library import SUFFIX, names
 
     path = Path(name)
-    return path.suffix.lower() == ".json" or path.parent.suffix.lower() == SUFFIX
+    is_built_in = not path.exists() and name in names()
+    return is_built_in or path.suffix.lower() == ".json" or path.parent.suffix.lower() == SUFFIX
 
 
 def _load(path: str | None) -> MaterialSpace:
@@ -234,10 +242,9 @@ def _stem(name: str) -> str:
     return _files.file_name("-".join(name.replace("%", "").split()))
 
 
-def _write(model: DSBRDF, out: Path | None, *inputs: str) -> None:
+def _write(model: DSBRDF, out: Path | None, *inputs: str, force: bool) -> None:
     path = out or Path(f"{_stem(model.name)}.json")
-    # A name that comes from a file does not decide what is replaced
-    check_output(path, inputs, force=out is not None)
+    check_output(path, inputs, force=force)
     check_folder(path.parent)
     model.save(path)
     tell(path)

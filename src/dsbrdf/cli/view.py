@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dsbrdf.cli._app import State, app, tell
+from dsbrdf.cli._app import Force, State, app, check_folder, check_output, tell
 from dsbrdf.cli._reading import takes_reading
 
 
@@ -29,6 +29,7 @@ def view(
         typer.Option("--space", metavar="FILE", help="Lay the materials out in this space."),
     ] = None,
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    force: Force = False,
     *,
     reading: Any,
 ) -> None:
@@ -44,6 +45,8 @@ def view(
         laid_out = load_space(space)
     state: State = context.obj
     targets = collect.expand(models)
+    check_output(out, [*models, *targets], force=force)
+    check_folder(out.absolute().parent)
     with report.progress(len(targets)) as step:
         begin = state.announce(step)
         opened = []

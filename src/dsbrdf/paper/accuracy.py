@@ -51,5 +51,6 @@ def draw(rows: Sequence[Row]) -> Figure:
         axes.set_ylabel("relative RMS error")
         axes.grid(True, axis="y")
         handles, labels = axes.get_legend_handles_labels()
-        figure.legend(handles[::-1], labels[::-1], loc="upper center", ncols=3, fontsize=8.0)
+        columns, size = (3, 8.0) if width > 9.0 else (2, 7.0)
+        figure.legend(handles[::-1], labels[::-1], loc="upper center", ncols=columns, fontsize=size)
     return figure

@@ -102,9 +102,10 @@ class _Plane:
 
 
 def _table(fit: Fit) -> MeasuredBRDF:
-    from dsbrdf.fitting import Fit
+    if not hasattr(fit, "measured"):
+        from dsbrdf.fitting import Fit
 
-    _check.instance(fit, Fit, "fit")
+        _check.instance(fit, Fit, "fit")
     if not isinstance(fit.measured, MeasuredBRDF):
         raise TypeError(
             f"{fit.model.name or 'the fit'}: figures of fits show tables, got scattered samples. "
@@ -214,7 +215,7 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     with matplotlib.rc_context(STYLE):
         # A single column has no room for long lines
         join, room = ("; ", 0.0) if len(rows) > 1 else ("\n", 0.2)
-        figure, grid = _grid(3, len(rows), left=0.75, right=1.35, top=0.75 + room, bottom=0.55 + room)
+        figure, grid = _grid(3, len(rows), left=0.85, right=1.35, top=0.75 + room, bottom=0.55 + room)
         for column, row in zip(grid.T, rows, strict=True):
             plane = _plane(fit, row)
             for axes in column[:2]:

@@ -24,7 +24,7 @@ END = 0.3
 #: Pixels of the material's sphere; rows of the light's map.
 SPHERE, LIGHT_ROWS = 100, 256
 #: Letters of a line below.
-LINE = 190
+LINE = 155
 
 
 def sheet(found: ImageFit) -> Figure:

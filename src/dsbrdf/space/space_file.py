@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +58,13 @@ def save(space: MaterialSpace, path: str | Path) -> None:
             {"name": name, "sha256": sha256} for name, sha256 in zip(space.names, space.sources, strict=True)
         ],
     }
-    with _files.aside(path) as part, part.open("wb") as file:
+    with _files.aside(path) as part, part.open("w+b") as file:
         np.savez_compressed(
             file, header=np.array(json.dumps(header)), curves=space.curves, present=space.present
         )
+        # By which a later run knows that it may be replaced
+        with zipfile.ZipFile(file, "a") as archive:
+            archive.comment = _files.MARK
 
 
 def load_space(path: str | Path) -> MaterialSpace:

@@ -134,6 +134,8 @@ def write_pixels(pixels: NDArray[Any], path: str | Path, names: Sequence[str] = 
     mi = _mitsuba()
     array = np.ascontiguousarray(pixels, dtype=np.float32)
     bitmap = mi.Bitmap(array, mi.Bitmap.PixelFormat.MultiChannel, list(names)) if names else mi.Bitmap(array)
+    # By which a later run knows that it may be replaced
+    bitmap.metadata()["software"] = "dsbrdf"
     # To memory first: the library says nothing of a file that it could not write, or not whole
     stream = mi.MemoryStream()
     bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
