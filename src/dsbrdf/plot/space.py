@@ -108,7 +108,7 @@ def _map(
     with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(9.0, 6.4))
         axes = figure.subplots()
-        figure.subplots_adjust(left=0.07, right=0.985, top=0.94, bottom=0.13)
+        figure.subplots_adjust(left=0.085, right=0.985, top=0.94, bottom=0.13)
         axes.scatter(at[:, 0], at[:, 1], s=0.0)
         axes.margins(0.06)
         # What lies far from the middle of the crowd is drawn last
