@@ -23,6 +23,7 @@ from dsbrdf.fitting.observations import Observations
 from dsbrdf.images import Light, sources
 from dsbrdf.images.picture import Picture
 from dsbrdf.measured.formats import image_file, tensor_file, utia
+from dsbrdf.measured.names import meaning
 from dsbrdf.model.file import dumps, loads
 from dsbrdf.space import Sizes, build_space, load_space
 from dsbrdf.space.space_file import SpaceFormatError
@@ -402,6 +403,12 @@ def test_the_memory_of_channels_is_linear():
 
     peak(300)
     assert peak(3000) < 12 * peak(300)
+
+
+@pytest.mark.parametrize("name", ["(" * 30_000, "[deg]" * 6000, "a_" * 15_000, " /" * 15_000])
+def test_long_names_of_columns(name):
+    """To look for a unit in them would take hours."""
+    assert meaning(name).kind in ("other", "unknown")
 
 
 def test_text_of_too_many_columns(tmp_path):

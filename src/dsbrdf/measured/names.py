@@ -113,6 +113,8 @@ _WAVELENGTH = re.compile(
 )
 _EXPLICIT = re.compile(r"value[:_](?=\S)(.*)", re.IGNORECASE)
 _NM = (100.0, 20000.0)
+#: A longer name is none with a unit; to look for one takes the cube of its length.
+MOST_LETTERS = 120
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def meaning(name: str) -> Meaning:
     text = unicodedata.normalize("NFKC", text)
     if match := _EXPLICIT.fullmatch(text):
         return Meaning("channel", match[1].strip())
-    for pattern in (_BRACKETS, _SLASHED, _SUFFIX):
+    for pattern in (_BRACKETS, _SLASHED, _SUFFIX) if len(text) <= MOST_LETTERS else ():
         if match := pattern.fullmatch(text):
             unit = unit_of(match[2])
             found = _of(match[1], unit)
