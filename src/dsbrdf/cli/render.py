@@ -52,7 +52,7 @@ def render(
         str, typer.Option(metavar="sphere|MESH", help="What to render: a sphere, or a .ply or .obj file.")
     ] = "sphere",
     spp: Annotated[int, typer.Option(min=1, help="Samples a pixel; with 256 noise is hardly seen.")] = 256,
-    size: Annotated[int, typer.Option(min=1, help="Pixels along a side of each picture.")] = 256,
+    size: Annotated[int, typer.Option(min=1, max=8192, help="Pixels along a side of each picture.")] = 256,
     loss: Annotated[Loss, typer.Option(help="Of the fits, as in 'dsbrdf fit'.")] = Loss.log,
     force: Force = False,
 ) -> None:
