@@ -456,6 +456,7 @@ def test_command(folder, tmp_path, capsys):
 
 def test_spheres_of_the_worst(folder, tmp_path, monkeypatch, capsys):
     shown = []
+    monkeypatch.setattr(comparison, "FINE", (16, 32))
     monkeypatch.setattr(figure, "draw_spheres", lambda rows: shown.extend(rows) or Figure(figsize=(1.0, 1.0)))
     arguments = ["compare", str(folder), "--methods", "ggx", "--worst", "1"]
     assert cli.main(arguments) == 2

@@ -40,7 +40,7 @@ __all__ = [
 #: What is written: all rows, tables of medians and of materials, error against numbers, and spheres.
 FILES = ("compare.csv", "compare.md", "compare.png", "worst.png")
 #: Circles, and points of each, of spheres that are shown.
-FINE = (64, 128)
+FINE = (40, 72)
 LOCK = ".dsbrdf-compare.lock"
 Peer = Method | Folder
 Heard = tuple[str, type[Warning]]
