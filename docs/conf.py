@@ -30,7 +30,7 @@ numpydoc_show_class_members = False
 
 #: Modules of the reference, in the order of the layers.
 MODULES = ["", ".geometry.half_diff", ".measured", ".model.hemi_epd", ".library", ".space", ".fitting", ".baselines",
-           ".shader", ".export", ".plot", ".batch", ".images", ".render", ".view", ".paper"]  # fmt: skip
+           ".shader", ".export", ".plot", ".batch", ".images", ".render", ".view", ".paper", ".comparison"]  # fmt: skip
 
 
 def names(module: str) -> list[str]:

@@ -476,10 +476,18 @@ def test_command_that_cannot_be_understood(folder, capsys):
 
 
 def test_spheres_that_are_drawn():
-    """A picture has the colour of the circle that a pixel is on."""
-    flat = np.broadcast_to(np.array([0.1, 0.2, 0.3]), (4, 8, 3))
-    shown = sphere.picture(flat, 1.0, 32)
-    np.testing.assert_allclose(shown[16, 16, :3], np.array([0.1, 0.2, 0.3]) ** (1 / 2.2), rtol=1e-6)
+    """A picture shows what lies at the place of a pixel, x to the right and y up, the middle too."""
+    limit = math.sin(math.radians(80.0))
+    radius = limit * np.sqrt((np.arange(40) + 0.5) / 40)[:, None]
+    azimuth = 2.0 * np.pi * (np.arange(72) + 0.5) / 72
+    x, y = radius * np.cos(azimuth), radius * np.sin(azimuth)
+    shown = sphere.picture(np.stack([0.5 + 0.4 * x, 0.5 + 0.4 * y, 0.3 + 0.0 * x], axis=-1), 1.0, 101)
+    at = (np.arange(101) + 0.5) * 2.0 / 101 - 1.0
+    x, y = np.meshgrid(at, -at)
+    inside = np.hypot(x, y) < 0.97
+    for channel, expected in enumerate((0.5 + 0.4 * x, 0.5 + 0.4 * y, 0.3 + 0.0 * x)):
+        np.testing.assert_allclose(shown[inside, channel] ** 2.2, expected[inside], atol=0.02)
+    assert (shown[inside, 3] == 1.0).all()
     assert shown[0, 0, 3] == 0.0
     judge = merit.Judge(built_in("rough-gold", FEW))
     drawn = figure.draw_spheres([("gold", [("measured", judge.sphere), ("fit", 0.9 * judge.sphere)])])

@@ -31,22 +31,29 @@ def draw(found: Comparison) -> Figure:
     from dsbrdf import plot
 
     numbers = found.values("n_parameters")
+    # In the order of the methods, so that two figures agree
+    methods = list(dict.fromkeys(row.method for row in found.rows if row.ok))
+    colours = (*plot.LOBE_COLOURS, plot.INK, plot.GREY)
     with matplotlib.rc_context(plot.STYLE):
         figure = Figure(figsize=(10.0, 4.1), layout="constrained")
         for axes, (name, label) in zip(figure.subplots(1, len(AXES)), AXES.items(), strict=True):
-            for i, (method, values) in enumerate(found.values(name).items()):
-                x = np.median(numbers[method])
+            of_method = found.values(name)
+            for i, method in enumerate(methods):
+                x, values = np.median(numbers[method]), of_method[method]
                 values = values[np.isfinite(values)]
                 if not values.size or not np.isfinite(x) or np.median(values) < LEAST:
                     continue
                 low, middle, high = np.maximum(np.quantile(values, (0.1, 0.5, 0.9)), LEAST)
                 spread = [[middle - low], [high - middle]]
-                colour = plot.LOBE_COLOURS[i % len(plot.LOBE_COLOURS)]
+                colour = colours[i % len(colours)]
                 marker = MARKERS[i % len(MARKERS)]
                 look = {"fmt": marker, "ms": 6, "lw": 1.2, "capsize": 3, "color": colour}
                 axes.errorbar(x, middle, spread, label=plot.style.plain(method), **look)
             axes.set(xscale="log", yscale="log", xlabel="numbers of a material", ylabel=label)
             axes.grid(True, which="major")
+            axes.xaxis.set_major_formatter("{x:,.0f}")
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if handles:
             figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8.5)

@@ -94,10 +94,13 @@ def picture(sphere: Array, factor: float, n: int = 128) -> Array:
     x, y = np.meshgrid(at, -at)
     radius, azimuth = np.hypot(x, y), np.arctan2(y, x) % (2.0 * np.pi)
     n_radii, n_azimuths = sphere.shape[:2]
-    row = np.clip(radius**2 / (1.0 - LEAST_COSINE**2) * n_radii - 0.5, 0.0, n_radii - 1.0)
+    place = radius**2 / (1.0 - LEAST_COSINE**2) * n_radii
+    # The middle is the mean of the first circle, half a step inside of it
+    row = np.clip(np.where(place < 0.5, 2.0 * place, place + 0.5), 0.0, n_radii)
     column = azimuth / (2.0 * np.pi) * n_azimuths + 0.5
-    around = np.concatenate([sphere[:, -1:], sphere, sphere[:, :1]], axis=1)
-    # The middle belongs to no circle
+    middle = np.broadcast_to(sphere[:1].mean(1, keepdims=True), sphere[:1].shape)
+    whole = np.concatenate([middle, sphere])
+    around = np.concatenate([whole[:, -1:], whole, whole[:, :1]], axis=1)
     channels = [map_coordinates(around[..., c], [row, column], order=1, mode="nearest") for c in range(3)]
     cover = np.clip((1.0 - radius) * n / 2, 0.0, 1.0)
     rgb = np.clip(factor * np.stack(channels, axis=-1), 0.0, 1.0) ** (1 / 2.2)
