@@ -322,6 +322,9 @@ def test_numbers_that_no_fit_gives(stored, key, value, message):
     [
         ({"fit": {"a": float("nan")}}, '"fit" must hold finite numbers, got nan'),
         ({"errors": {"rel": float("inf")}}, '"errors" must hold finite numbers, got inf'),
+        ({"fit": {"a": 10**400}}, '"fit" must hold numbers of 64 bits, got one of 1329'),
+        ({"fit": {"a": [[[[[[[[0]]]]]]]]}}, '"fit" must have at most 8 levels'),
+        ({"name": "n" * 100_000}, "a name has 100,000 letters, expected at most 1,000"),
         (
             {"lobes": {"scale": [], "gamma": [], "beta": [], "falloff": [], "colour": []}},
             "'scale' must have shape",
@@ -346,7 +349,7 @@ def test_numbers_that_no_fit_gives(stored, key, value, message):
             "'mean' of the profile must be within",
         ),
     ],
-    ids=["fit", "errors", "no lobes", "lobes", "coefficients", "profile"],
+    ids=["fit", "errors", "whole number", "levels", "name", "no lobes", "lobes", "coefficients", "profile"],
 )
 def test_models_that_later_commands_would_stumble_on(stored, changes, message):
     with pytest.raises(dsbrdf.ModelFormatError, match=message):

@@ -31,6 +31,8 @@ PROFILE_DIGITS = {"theta_d": 5, "theta_h": 5, "mean": 3, "amplitude": 2}
 MAX_PROFILE = 1e30
 #: Larger files are no models of ours.
 MAX_BYTES = 50_000_000
+#: A longer name would stop every table and figure that shows it.
+MAX_LETTERS = 1000
 
 
 class ModelFormatError(ValueError):
@@ -179,12 +181,15 @@ def loads(text: str, path: str = "model") -> DSBRDF:
         )
     try:
         source, options, errors = records(content)
+        name, channels = str(content.get("name") or ""), [str(name) for name in content["channels"]]
+        if (longest := max(map(len, [name, *channels]))) > MAX_LETTERS:
+            raise ValueError(f"a name has {longest:,} letters, expected at most {MAX_LETTERS:,}.")
         lobes = Lobes(**{key: _numbers(content["lobes"], key) for key in LOBES})
         check_stored(lobes)
         return DSBRDF(
             lobes,
-            [str(name) for name in content["channels"]],
-            name=str(content.get("name") or ""),
+            channels,
+            name=name,
             source=Source(description=str(source.get("description", "")), recorded=source),
             fit_options=options,
             errors=errors,
