@@ -410,11 +410,11 @@ def test_names_that_would_do_something(folder, tmp_path, capsys):
 
 
 def test_two_runs_at_a_time_are_refused(folder, tmp_path):
-    from dsbrdf.batch import lock
+    from dsbrdf import _lock
 
     with (
-        lock.held(tmp_path / comparison.LOCK),
-        pytest.raises(lock.BusyError, match="is writing to this folder"),
+        _lock.held(tmp_path / comparison.LOCK),
+        pytest.raises(_lock.BusyError, match="is writing to this folder"),
     ):
         dsbrdf.compare(folder / "rough-gold.npz", tmp_path, methods=["bivariate"])
 

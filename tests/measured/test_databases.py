@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from data_server import Server
 
-from dsbrdf import cli, read
+from dsbrdf import _lock, cli, read
 from dsbrdf.measured import _download, databases
 from dsbrdf.measured.formats.merl import N_BYTES
 from dsbrdf.measured.formats.tensor_file import write_tensor_file
@@ -98,6 +98,16 @@ def test_what_is_here_is_not_fetched_again(server):
         "nickel.binary",
     ]
     assert len(server.asked) == 1
+
+
+@pytest.mark.usefixtures("merl")
+def test_one_download_at_a_time(here):
+    with (
+        _lock.held(here / "merl" / databases.LOCK),
+        pytest.raises(_lock.BusyError, match="is writing to this folder"),
+    ):
+        databases.fetch("merl", ["nickel"])
+    assert databases.fetch("merl", ["nickel"])
 
 
 def test_the_archive_goes_when_all_are_extracted(server, here, archive, monkeypatch):

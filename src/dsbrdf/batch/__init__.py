@@ -2,7 +2,7 @@
 
 `fit_many` is here, in the package itself, and is read first. `jobs` is what a worker does, `dispatch` sends jobs to the
 workers of an executor. `record` remembers what a folder of models was made of, so that a later run keeps what is still
-good, and writes its tables; `lock` keeps a second run out of the folder.
+good, and writes its tables; `_lock` keeps a second run out of the folder.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from dsbrdf import _check, _files
+from dsbrdf._lock import BusyError
 from dsbrdf.batch.dispatch import ExecutorLostError, Executors, WorkerDiedError, dispatched
 from dsbrdf.batch.jobs import FIGURES, Answer, Job, Order, Target, label_of, open_target
-from dsbrdf.batch.lock import BusyError
 from dsbrdf.batch.record import RECORD, TABLES, Book, figure_path
 from dsbrdf.measured.formats.nbrdf import npy_set
 from dsbrdf.measured.formats.text_file import has_numbers

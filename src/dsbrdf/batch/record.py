@@ -12,8 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import _files, _text
-from dsbrdf.batch import lock
+from dsbrdf import _files, _lock, _text
 
 __all__ = ["LOCK", "RECORD", "TABLES", "Book", "figure_path"]
 
@@ -139,7 +138,7 @@ class Book:
         if self.folder is None:
             yield
             return
-        with lock.held(self.folder / LOCK):
+        with _lock.held(self.folder / LOCK):
             self._compact()
             try:
                 yield

@@ -17,8 +17,7 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import _files, batch
-from dsbrdf.batch import lock
+from dsbrdf import _files, _lock, batch
 from dsbrdf.comparison.merit import FIGURES, Judge, Merit
 from dsbrdf.comparison.methods import METHODS, Folder, Method, content_of, key_of, n_parameters
 from dsbrdf.comparison.result import MAKER, Comparison, Row, Standing
@@ -183,7 +182,7 @@ def _held(folder: Path | None, *, force: bool) -> Iterator[dict[tuple[str, str],
         return
     for name in FILES:
         _files.check_replaceable(folder / name, force=force)
-    with lock.held(folder / LOCK):
+    with _lock.held(folder / LOCK):
         path = folder / FILES[0]
         rows = Comparison.load(path).rows if path.is_file() else ()
         yield {(row.key, row.method): row for row in rows if row.ok and row.key and row.version == _version()}

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dsbrdf import _files
+from dsbrdf import _files, _lock
 from dsbrdf.measured._download import Download
 from dsbrdf.measured.formats.merl import N_BYTES
 
@@ -41,6 +41,8 @@ MERL_NAMES = """
     white-diffuse-bball white-fabric white-fabric2 white-marble white-paint yellow-matte-plastic
     yellow-paint yellow-phenolic yellow-plastic
 """.split()  # noqa: SIM905
+#: Keeps a second download of a database out of its folder.
+LOCK = ".dsbrdf-download.lock"
 #: Bytes of a chunk while a member is extracted.
 BLOCK = 1 << 20
 
@@ -170,6 +172,8 @@ def fetch(
         If it cannot be downloaded. What has come of an archive stays, and the next call goes on from there.
     OSError
         If the disk is full or cannot be written to.
+    BusyError
+        If another process is downloading this database.
     ModuleNotFoundError
         If pooch is not installed.
     """
@@ -180,9 +184,10 @@ def fetch(
     if of.archive is None and "{" not in url:
         raise ValueError(f"{of.name}: the address needs {{0}} in place of the material, got {url}.")
     into = folder() / of.name
-    if of.archive is not None:
-        return _from_archive(of, of.archive, names, into, url, told)
-    return [_single(of, name, into, url, told) for name in names]
+    with _lock.held(into / LOCK):
+        if of.archive is not None:
+            return _from_archive(of, of.archive, names, into, url, told)
+        return [_single(of, name, into, url, told) for name in names]
 
 
 def _database(name: str) -> Database:
