@@ -59,7 +59,8 @@ class ImageFit(Brief):
         Of the unknowns, in the order of the prior; under an unknown light that between the materials compared, of
         what a scale a channel does not change.
     n_decided : float
-        How many of the unknowns the pictures decided; the prior decided the others.
+        How many of the unknowns the pictures decided; the prior decided the others. Under an unknown light, how many of
+        the main components of the materials compared.
     n_effective : float
         Independent pixels that the pictures are worth in `covariance` and `n_decided`; see decision record 0024.
     rms : float
