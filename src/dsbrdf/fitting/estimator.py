@@ -42,6 +42,8 @@ PENALTY = (0.25, 0.25, 0.1)
 ABSENT = -30.0
 #: What a space expects counts as so many observations, and ends the search as above: it is itself no more exact.
 SUPPORT, SUPPORT_TOLERANCE = 100.0, 0.3
+#: Most steps of a search for the lobes nearest to a reflectance.
+NEAREST_STEPS = 60
 #: RMS of the residuals of one scan that lobes without change over theta_d may have.
 ENOUGH = 0.03
 #: More channels than this are grown as so many means of neighbours.
@@ -320,6 +322,16 @@ def with_support(observations: Observations, expected: Expectation) -> Observati
         np.concatenate([weights, np.repeat(certain[:, None], n_nodes, axis=1)]),
         observations.n_effective + SUPPORT,
     )
+
+
+def nearest_lobes(observations: Observations, sizes: tuple[int, ...], n_lobes: int, start: Array) -> Array:
+    """Unknowns (unknown,) of the lobes nearest to values of a reflectance, by one search from some unknowns."""
+    offset = [processes.OFFSET] * observations.n_channels
+    how = _Options(sizes, "log", offset, PENALTY, observations.n_effective)
+    end = observations.kernel.refine(
+        how, n_lobes, start.tolist(), iterations=NEAREST_STEPS, tolerance=SUPPORT_TOLERANCE
+    )
+    return np.asarray(end["x"])
 
 
 def _as_expected(observations: Observations, options: FitOptions, expected: Expectation) -> Estimate:

@@ -20,14 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _core
+from dsbrdf.fitting.estimator import nearest_lobes
+from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.uncertainty import value_jacobian
 from dsbrdf.geometry import half_diff, panorama
+from dsbrdf.images.linear import AZIMUTHS, NODES
 from dsbrdf.images.search import OFFSET, raw_lobes
 from dsbrdf.images.view import Points
 from dsbrdf.model.lobes import MAX_LN_KAPPA, Lobes
 from dsbrdf.space import Gaussian, MaterialSpace
 from dsbrdf.space.prior import KEPT_SHARE, LEAST_DEVIATION
-from dsbrdf.space.process import support
+from dsbrdf.space.process import Positions, scaled, support, unscaled
 
 __all__ = ["Grid", "Guess", "Material", "Scene", "material"]
 
@@ -50,6 +53,8 @@ ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
 SHARPNESS = 0.3
 #: Share of the covariance of all materials that is left in any case.
 LEFT = 0.02
+#: What the nodes of a mean count as, in observations, and the least cosine of their directions.
+N_MEAN, LEAST_COSINE = 300.0, float(np.cos(np.deg2rad(85.0)))
 #: Steps to the most probable light, and the longest.
 STEPS, LONGEST = 5, 2.0
 
@@ -236,11 +241,28 @@ def material(scene: Scene, space: MaterialSpace, gaussian: Gaussian) -> Material
     candidates = np.vstack([gaussian.mean, space.variables.unknowns(space.curves)])
     evidence = np.array([scene.guess(scene.transfer(raw_lobes(x, gaussian))).evidence for x in candidates])
     weights = _weights(evidence, SHARPNESS)
-    x = weights @ candidates
-    off = (candidates - x) @ _unscaled(x, gaussian).T
+    x = _mean(space, weights[1:] + weights[0] / len(space.names), candidates[evidence.argmax()])
+    off = (candidates - weights @ candidates) @ _unscaled(x, gaussian).T
     # No combination of so few materials is that of the picture: a part of what they all vary by is left
     covariance = (1.0 - LEFT) * off.T @ (weights[:, None] * off) + LEFT / len(off) * off.T @ off
     return Material(x, covariance, _n_decided(candidates, weights))
+
+
+def _mean(space: MaterialSpace, weights: Array, start: Array) -> Array:
+    """Unknowns (unknown,) of the mean of the materials as functions: as unknowns, their lobes do not correspond."""
+    process = space.process
+    (log_cos, x), n = NODES.positions, len(AZIMUTHS)
+    azimuth = np.tile(AZIMUTHS, (len(x), 1))
+    positions = Positions(np.repeat(log_cos, n), np.repeat(x, n), azimuth.ravel())
+    mean = unscaled(np.tensordot(weights, scaled(process.values(positions)), 1)).reshape(len(x), n, -1)
+    # Nodes whose directions are both well above the horizon: cos_i cos_o of the azimuth, where it is one
+    theta_h, theta_d = np.arccos(np.exp(log_cos))[:, None], np.arccos(x)[:, None]
+    factor = np.maximum(half_diff.azimuthal_factor(theta_h, theta_d), 1e-9)
+    across = np.sin(theta_h) * np.sin(theta_d) * np.sqrt(np.clip(0.5 * (1.0 + azimuth / factor), 0.0, 1.0))
+    seen = np.cos(theta_h) * np.cos(theta_d) - across > LEAST_COSINE
+    usable = np.broadcast_to(seen[..., None], mean.shape).astype(np.float64)
+    observations = Observations(log_cos, x, azimuth, mean, usable, N_MEAN)
+    return nearest_lobes(observations, tuple(process.sizes), process.n_lobes, start)
 
 
 def _unscaled(x: Array, gaussian: Gaussian) -> Array:
