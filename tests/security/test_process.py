@@ -461,6 +461,12 @@ def test_copies(small_table):
     assert {kind for kind in wanted if not inspect.isabstract(kind)} - kinds == set()
 
 
-@pytest.mark.parametrize("error", [kind for kind in public_classes() if issubclass(kind, BaseException)])
+@pytest.mark.parametrize(
+    "error",
+    sorted(
+        (kind for kind in public_classes() if issubclass(kind, BaseException)),
+        key=str,
+    ),
+)
 def test_errors_travel(error):
     assert str(pickle.loads(pickle.dumps(error("x")))) == "x"

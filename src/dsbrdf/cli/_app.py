@@ -214,6 +214,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments : sequence of str, optional
         Those of the process by default.
     """
+    # Before NumPy is imported. Matrices are small: threads that wait for each other cost more than they do
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if "_DSBRDF_COMPLETE" in os.environ:
         app(prog_name="dsbrdf")

@@ -18,6 +18,6 @@ def processes(n: int) -> Executor:
 
 
 def _share_cores(threads: int) -> None:
-    """Let the kernel and NumPy of this process have so many threads, unless the user has said how many."""
-    for name in ("RAYON_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    """Let the kernel of this process have so many threads, unless the user has said how many."""
+    for name in ("RAYON_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, str(threads))
