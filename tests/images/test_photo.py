@@ -10,6 +10,7 @@ import dsbrdf
 from dsbrdf.cli import main
 from dsbrdf.images import Light, PictureWarning, relight, sources, unknown
 from dsbrdf.images import fit as image_fit
+from dsbrdf.images.picture import Picture
 from dsbrdf.measured.formats.image_file import read_pixels, write_pixels
 from dsbrdf.space import build_space
 
@@ -153,6 +154,24 @@ def test_bad_lists_of_lights(tmp_path, text, message):
     (tmp_path / "l.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
         sources.read_lights(tmp_path / "l.csv")
+
+
+def test_pictures_and_maps_may_be_arrays(tmp_path):
+    rng = np.random.default_rng(0)
+    pixels = rng.random((4, 8, 3))
+    np.save(tmp_path / "a.npy", pixels)
+    np.testing.assert_array_equal(Picture.of(tmp_path / "a.npy", "").pixels, pixels)
+    np.testing.assert_array_equal(Light.from_map(tmp_path / "a.npy").map, pixels)
+    # Bytes are sRGB, and clipped ones are no values
+    np.save(tmp_path / "b.npy", np.array([[[188, 188, 188], [255, 10, 10]]], dtype=np.uint8))
+    encoded = Picture.of(tmp_path / "b.npy", "")
+    np.testing.assert_allclose(encoded.pixels[0, 0], 0.503, atol=1e-3)
+    assert encoded.valid.tolist() == [[True, False]]
+    np.save(tmp_path / "c.npy", np.ones(3))
+    with pytest.raises(
+        ValueError, match=r"c\.npy: a picture must be \(height, width, channel\), got shape \(3,\)"
+    ):
+        Picture.of(tmp_path / "c.npy", "")
 
 
 @pytest.mark.parametrize("value", [1e200, 1e308, np.inf, np.nan])

@@ -13,7 +13,7 @@ from dsbrdf.cli._app import Force, State, app, check_folder, check_output, missi
 
 UNKNOWN = "unknown"
 #: Endings of environment maps.
-MAPS = (".exr", ".hdr")
+MAPS = (".exr", ".hdr", ".npy")
 
 
 class CameraKind(StrEnum):
@@ -45,8 +45,8 @@ def photo(
         str,
         typer.Option(
             metavar="MAP|LIST|unknown",
-            help="An environment map (.exr, .hdr); a list of distant lights, one a picture (.csv: x, y, z, and r, g, b "
-            "if not 1); or unknown.",
+            help="An environment map (.exr, .hdr, .npy); a list of distant lights, one a picture (.csv: x, y, z, "
+            "and r, g, b if not 1); or unknown.",
             show_default=False,
         ),
     ] = "",

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsbrdf import _check, _files
+from dsbrdf import _files
 
 if TYPE_CHECKING:
     from dsbrdf.model.dsbrdf import DSBRDF
@@ -167,6 +167,7 @@ def export(
     """
     if format not in FORMATS:
         raise ValueError(f"'format' must be one of {', '.join(FORMATS)}, got {format!r}.")
+    from dsbrdf import _check
     from dsbrdf.model.dsbrdf import DSBRDF
 
     _check.instance(model, DSBRDF, "model")

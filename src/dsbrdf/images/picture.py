@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf.measured.formats import image_file
+from dsbrdf.measured.formats.array_file import read_npy_array
 
 __all__ = ["Picture"]
 
@@ -69,18 +70,18 @@ class Picture:
         OSError
             If the file cannot be read.
         """
-        note = ""
+        note, label = "", name
         if isinstance(image, str | Path):
             path = Path(image)
-            name = path.stem
-            array: NDArray[Any] = image_file.read_pixels(path)
-            if path.suffix.lower() not in (".exr", ".hdr"):
-                note = NOTE
-            label = str(path)
-        else:
-            array, label = np.asarray(image), name
-            if array.dtype == np.uint8:
-                array, note = _linear(np.asarray(array / 255.0, dtype=np.float64)), NOTE
+            name, label = path.stem, str(path)
+            if path.suffix.lower() == ".npy":
+                image = read_npy_array(path)
+            else:
+                image = image_file.read_pixels(path)
+                note = "" if path.suffix.lower() in (".exr", ".hdr") else NOTE
+        array: NDArray[Any] = np.asarray(image)
+        if array.dtype == np.uint8:
+            array, note = _linear(np.asarray(array / 255.0, dtype=np.float64)), NOTE
         pixels = np.asarray(array, dtype=np.float64)
         if pixels.ndim != 3 or 0 in pixels.shape:
             raise ValueError(
