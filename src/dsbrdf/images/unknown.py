@@ -147,6 +147,20 @@ class Scene:
     grid: Grid
 
     @cached_property
+    def _pairs(self) -> tuple[NDArray[np.bool_], Array, Array, Array]:
+        """Which directions (pixel, direction) are above the surface; they, the views, both in frames with the normal as
+        +z, and the solid angle times the cosine of those (n, 3), (n, 3), (n, 1).
+        """
+        directions, angles = self.grid.parts
+        rotation, view = self._frames
+        wi = directions.reshape(-1, 3) @ rotation.swapaxes(1, 2)
+        up = wi[..., 2] > 0.0
+        toward = np.ascontiguousarray(wi[up])
+        away = np.ascontiguousarray(np.broadcast_to(view[:, None], wi.shape)[up])
+        weight = toward[:, 2] * np.broadcast_to(angles.ravel(), up.shape)[up]
+        return up, toward, away, weight[:, None]
+
+    @property
     def _frames(self) -> tuple[Array, Array]:
         """Rotations (pixel, 3, 3) to frames with the normal as +z, and the view (pixel, 3) in them."""
         normal = self.points.normal
@@ -158,19 +172,14 @@ class Scene:
 
     def transfer(self, lobes: Lobes) -> Array:
         """Radiance (channel, pixel, cell) of pixels per radiance of cells."""
-        directions, angles = self.grid.parts
-        rotation, view = self._frames
-        wi = np.einsum("pij,cj->pci", rotation, directions.reshape(-1, 3))
-        up = wi[..., 2] > 0.0
-        toward = np.ascontiguousarray(wi[up])
-        away = np.ascontiguousarray(np.broadcast_to(view[:, None], wi.shape)[up])
+        up, toward, away, weight = self._pairs
         parts = [np.ascontiguousarray(part) for part in lobes.parts]
         values = _core.eval(
             toward, away, parts[0], parts[1], parts[2], parts[3], parts[4], half_diff.AZIMUTHAL_WIDTH
         )
-        found = np.zeros((*wi.shape[:2], lobes.n_channels))
-        found[up] = values * (toward[:, 2] * np.broadcast_to(angles.ravel(), up.shape)[up])[:, None]
-        summed = found.reshape(len(wi), *angles.shape, -1).sum(2)
+        found = np.zeros((*up.shape, lobes.n_channels))
+        found[up] = values * weight
+        summed = found.reshape(len(up), *self.grid.parts[1].shape, -1).sum(2)
         return np.ascontiguousarray(np.moveaxis(summed, -1, 0))
 
     def guess(self, transfer: Array) -> Guess:
@@ -201,9 +210,9 @@ class Scene:
             if step == STEPS:
                 break
             by_channel = jacobian.reshape(n_channels, n, -1)
-            pulled = residual + np.einsum("cpl,cl->cp", by_channel, off)
+            pulled = residual + (by_channel @ off[..., None])[..., 0]
             alpha = np.linalg.solve(square, pulled.ravel()).reshape(n_channels, n)
-            pull = np.einsum("cpl,cp->cl", by_channel, alpha)
+            pull = (alpha[:, None] @ by_channel)[:, 0]
             wanted = LEVEL**2 * pull.sum(1)[:, None] + self.grid.smoothed(common @ pull)
             change = wanted - off
             off = off + change * min(1.0, LONGEST / max(float(np.abs(change).max()), 1e-12))
