@@ -208,9 +208,9 @@ def relit_by_nodes(model, light):
     return image.reshape(SIZE, SIZE, 3)
 
 
-def relit_baseline(model, light):
-    """Picture (height, width, 3) of a sphere with anything that has `eval`."""
-    seen = points("sphere", (SIZE, SIZE), Camera())
+def relit_baseline(model, light, normals="sphere"):
+    """Picture (height, width, 3) with anything that has `eval`."""
+    seen = points(normals, (SIZE, SIZE), Camera())
     leaves = np.flatnonzero((light.parts.max(1) < 0) & (light.flux.sum(1) > 0.0))
     toward, flux = light.direction[leaves], light.flux[leaves]
     image = np.zeros((SIZE * SIZE, 3))
@@ -224,6 +224,19 @@ def relit_baseline(model, light):
         up = wi[:, 2] > 0.0
         image[pixel] += (model.eval(wi[up], wo) * flux[up] * wi[up, 2:]).sum(0)
     return image.reshape(SIZE, SIZE, 3) / np.diff(seen.start)[0]
+
+
+def tilted(degrees, seed=1):
+    """Normals (height, width, 3) of a sphere, tilted in waves by so many degrees (RMS)."""
+    seen = points("sphere", (SIZE, SIZE), Camera(), least_cosine=0.0)
+    normals = np.zeros((SIZE * SIZE, 3))
+    normals[seen.pixel] = seen.normal.reshape(len(seen.pixel), -1, 3).mean(1)
+    rng = np.random.default_rng(seed)
+    waves = rng.normal(size=(3, 3)) * 4.0
+    tilt = np.deg2rad(degrees) * np.sin(normals @ waves + rng.uniform(0, 6, 3))
+    found = np.where(normals.any(-1, keepdims=True), normals + tilt, 0.0)
+    length = np.linalg.norm(found, axis=-1, keepdims=True)
+    return np.divide(found, length, out=np.zeros_like(found), where=length > 0.0).reshape(SIZE, SIZE, 3)
 
 
 def prior_without(name):
@@ -272,6 +285,7 @@ def main() -> None:
     parser.add_argument("--distant", action="store_true", help="also one, three and ten distant lights")
     parser.add_argument("--unknown", action="store_true", help="also the light unknown")
     parser.add_argument("--mistakes", action="store_true", help="also wrong normals, light and exposure")
+    parser.add_argument("--bumpy", action="store_true", help="also an object with bumps of 20 degrees")
     parser.add_argument("--cache", type=Path, default=Path("truth"), help="folder of rendered pictures")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -321,6 +335,15 @@ def main() -> None:
                 )
                 note("exposure 5 % off", name, scored(*found_in(1.05 * noisy(image), light, prior)))
                 note("normals 2 degrees off", name, scored(*found_with_normals(noisy(image), light, prior)))
+        if args.bumpy:
+            normals = tilted(20.0, seed=2)
+            image = noisy(relit_baseline(measured, lights[0], normals))
+            clock = time.process_time()
+            found = images.fit_image(image, normals, lights[0], prior=prior, mask=image.any(-1))
+            seconds = time.process_time() - clock
+            relit = seen_only(images.relight(found.model, "sphere", lights[1], size=SIZE))
+            measures = errors(found.model, measured, rendered[1], relit, found.posterior)
+            note("bumpy", name, (*measures, found.rms, found.n_effective, found.n_decided, seconds))
         if args.distant:
             for n in DISTANT:
                 toward = distant_lights(n)
@@ -338,19 +361,8 @@ def main() -> None:
 
 def found_with_normals(image, light, prior):
     """The fit with smooth errors of 2 degrees in the normals."""
-    seen = points("sphere", (SIZE, SIZE), Camera(), least_cosine=0.0)
-    normals = np.zeros((SIZE * SIZE, 3))
-    normals[seen.pixel] = seen.normal.reshape(len(seen.pixel), -1, 3).mean(1)
-    rng = np.random.default_rng(1)
-    waves = rng.normal(size=(3, 3)) * 4.0
-    tilt = (
-        np.deg2rad(2.0) * np.sqrt(2.0 / 3.0) * np.sqrt(1.5) * np.sin(normals @ waves + rng.uniform(0, 6, 3))
-    )
-    wrong = np.where(normals.any(-1, keepdims=True), normals + tilt, 0.0)
-    length = np.linalg.norm(wrong, axis=-1, keepdims=True)
-    wrong = np.divide(wrong, length, out=np.zeros_like(wrong), where=length > 0.0).reshape(SIZE, SIZE, 3)
     clock = time.process_time()
-    found = images.fit_image(image, wrong, light, prior=prior, mask=image.any(-1))
+    found = images.fit_image(image, tilted(2.0), light, prior=prior, mask=image.any(-1))
     return found, time.process_time() - clock
 
 
