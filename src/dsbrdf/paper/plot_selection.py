@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 # Says what is missing if matplotlib is
-from dsbrdf.plot import CHANNEL_COLOURS, GREY, INK, PALE, STYLE  # isort: skip
+from dsbrdf.plot import CHANNEL_COLOURS, GREY, INK, PALE, STYLE, style  # isort: skip
 import matplotlib
 from matplotlib.figure import Figure
 
@@ -47,7 +47,7 @@ def selection_figure(selection: LobeSelection, name: str = "") -> Figure:
             each.axvspan(selection.n_lobes - 0.4, selection.n_lobes + 0.4, color=PALE, lw=0, zorder=0)
             each.grid(True, axis="y")
         lobes = f"{selection.n_lobes} lobe{'s' * (selection.n_lobes > 1)}"
-        figure.suptitle(f"{name}: {lobes}, shaded" if name else f"{lobes}, shaded", fontsize=10)
+        figure.suptitle(f"{style.plain(name)}: {lobes}, shaded" if name else f"{lobes}, shaded", fontsize=10)
     return figure
 
 

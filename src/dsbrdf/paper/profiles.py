@@ -84,7 +84,7 @@ def lobe_profiles(tables: Tables) -> Figure:
             plane = plane_of(fit, 0)
             plot.model._draw_channels(column[0], plane, channels(fit))
             plot.model._draw_lobes(column[1], plane, channel)
-            column[0].set_title(f"{fit.model.name}, error {_slice_error(fit, 0)}")
+            column[0].set_title(f"{plot.style.plain(fit.model.name)}, error {_slice_error(fit, 0)}")
             for axes in column:
                 _finish(axes, fit, plane)
             column[0].set_yscale("linear")

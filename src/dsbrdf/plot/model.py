@@ -215,14 +215,16 @@ def fit_figure(fit: Fit, theta_d: Sequence[float] = SHOWN_THETA_D, *, channel: i
     with matplotlib.rc_context(STYLE):
         # A single column has no room for long lines
         join, room = ("; ", 0.0) if len(rows) > 1 else ("\n", 0.2)
-        figure, grid = _grid(3, len(rows), left=0.85, right=1.35, top=0.75 + room, bottom=0.55 + room)
+        longest = max(len(plain(name)) for _, name, _ in _channels(fit.model))
+        right = max(1.35, 1.1 + 0.06 * longest)
+        figure, grid = _grid(3, len(rows), left=0.85, right=right, top=0.75 + room, bottom=0.55 + room)
         for column, row in zip(grid.T, rows, strict=True):
             plane = _plane(fit, row)
             for axes in column[:2]:
                 _draw_channels(axes, plane, _channels(fit.model))
             _draw_lobes(column[2], plane, chosen)
             _finish_column(column, plane)
-        labels = ("linear", "logarithmic", f"lobes of {_channel_name(fit.model, chosen)}")
+        labels = ("linear", "logarithmic", f"lobes of {plain(_channel_name(fit.model, chosen), 16)}")
         for axes, label in zip(grid[:, 0], labels, strict=True):
             axes.set_ylabel(f"BRDF (1/sr), {label}")
         for axes in grid[(0, 2), -1]:

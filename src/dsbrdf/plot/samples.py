@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dsbrdf import _check
 from dsbrdf.geometry import half_diff
 from dsbrdf.measured.samples import Samples
-from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, STYLE
+from dsbrdf.plot.style import CHANNEL_COLOURS, GREY, INK, STYLE, plain
 
 if TYPE_CHECKING:
     from dsbrdf.fitting import Fit
@@ -96,7 +96,7 @@ def _figure(samples: Samples, model: DSBRDF | None) -> Figure:
             axes.set_yscale("log" if logarithmic else "linear")
         _draw_above(figure, figure.add_subplot(grid[0, n], projection="polar"), samples, model, angles)
         what = f"{len(samples)} samples" + ("" if model is None else f", {model.n_lobes} lobes")
-        figure.suptitle(f"{samples.name or 'samples'}: {what}", fontsize=10)
+        figure.suptitle(f"{plain(samples.name or 'samples')}: {what}", fontsize=10)
     return figure
 
 

@@ -110,15 +110,17 @@ def _map(
         axes = figure.subplots()
         figure.subplots_adjust(left=0.085, right=0.985, top=0.94, bottom=0.13)
         axes.scatter(at[:, 0], at[:, 1], s=0.0)
-        axes.margins(0.06)
+        # Names below the outermost spheres have room, too
+        shown = [style.plain(name) for name in names] if len(names) <= MOST_NAMES else []
+        axes.margins(max([0.06, *(0.0035 * len(name) for name in shown)]), 0.06)
         # What lies far from the middle of the crowd is drawn last
         order = np.argsort(((at - np.median(at, axis=0)) ** 2).sum(1), kind="stable")
         for i in order:
             image = OffsetImage(pictures[i], zoom=size * 72.0 / N_PIXELS, resample=True)
             axes.add_artist(AnnotationBbox(image, at[i], frameon=False, pad=0.0))
-        for name, place in zip(names, at, strict=False) if len(names) <= MOST_NAMES else ():
+        for name, place in zip(shown, at, strict=False):
             # Below the sphere, which is `size` inches high
-            axes.annotate(style.plain(name), place, (0.0, -36.0 * size - 2.0), textcoords="offset points", ha="center",
+            axes.annotate(name, place, (0.0, -36.0 * size - 2.0), textcoords="offset points", ha="center",
                           va="top", fontsize=6.5, zorder=5)  # fmt: skip
         axes.grid(True)
         axes.set_axisbelow(True)

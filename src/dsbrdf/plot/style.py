@@ -50,13 +50,14 @@ STYLE: dict[Any, Any] = {
 }
 DPI = 150
 #: Characters of a name that a figure has room for.
-MAX_NAME = 80
+MAX_NAME = 32
 
 
-def plain(name: str) -> str:
-    """A name in a figure, where it is no formula and has no line breaks."""
-    short = name if len(name) <= MAX_NAME else f"{name[:MAX_NAME]} ..."
-    return _text.shown(short).replace("$", r"\$")
+def plain(name: str, most: int = MAX_NAME) -> str:
+    """A name in a figure, where it is no formula and has no line breaks, in so many characters at most."""
+    shown = _text.shown(name)
+    short = shown if len(shown) <= most else f"{shown[: most - 4]} ..."
+    return short.replace("$", r"\$")
 
 
 def write_figure(figure: Figure, path: str | Path, *, dpi: int = DPI) -> None:
