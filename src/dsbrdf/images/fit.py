@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf._brief import Brief
 from dsbrdf.fitting import uncertainty
 from dsbrdf.fitting.coverage import Coverage
-from dsbrdf.images import coverage, linear, search, unknown
+from dsbrdf.fitting.fit import PriorWarning, fit
+from dsbrdf.images import coverage, distant, linear, search, unknown
 from dsbrdf.images.independence import independent
 from dsbrdf.images.light import Light
 from dsbrdf.images.picture import Picture
@@ -224,12 +225,16 @@ def fit_image(
             )
         return _unknown(image, normals, mask, _camera(camera, fov), prior, step)
     pictures, of_points, lights = _inputs(image, normals, light, mask, _camera(camera, fov))
+    is_space = prior == "library" if isinstance(prior, str) else isinstance(prior, MaterialSpace)
+    if is_space and exposure == "known" and all(map(distant.is_one_direction, lights)):
+        step("reflectance")
+        return _distant(pictures, of_points, lights, _space(prior), begun)
     gaussian = _gaussian(prior, pictures[0].n_channels)
     step("pictures as functions of the reflectance")
     problem = _problem(pictures, of_points, lights, gaussian, exposure == "unknown")
     step("reflectance")
     found = solve(problem)
-    _warn_unexplained(found, pictures[0].name)
+    _warn_unexplained(_rms(found), pictures[0].name)
     return finished(problem, found, pictures, of_points, lights, time.perf_counter() - begun)
 
 
@@ -260,15 +265,57 @@ def _unknown(
     light = Light.from_map(scene.light(search.raw_lobes(material.x, gaussian)))
     problem = _problem(pictures, of_points, [light], gaussian, False)
     found = problem.at(material.x)
-    _warn_unexplained(found, picture.name)
-    fit = finished(problem, found, pictures, of_points, [light], time.perf_counter() - begun)
-    options = {**fit.model.fit_options, "exposure": "unknown", "light": "unknown"}
+    _warn_unexplained(_rms(found), picture.name)
+    whole = finished(problem, found, pictures, of_points, [light], time.perf_counter() - begun)
+    options = {**whole.model.fit_options, "exposure": "unknown", "light": "unknown"}
     return dataclasses.replace(
-        fit,
-        model=fit.model.replace(fit_options=options),
+        whole,
+        model=whole.model.replace(fit_options=options),
         covariance=material.covariance,
         n_decided=material.n_decided,
-        posterior=dataclasses.replace(fit.posterior, covariance=material.covariance),
+        posterior=dataclasses.replace(whole.posterior, covariance=material.covariance),
+    )
+
+
+def _distant(
+    pictures: list[Picture],
+    of_points: list[Points],
+    lights: list[Light],
+    space: MaterialSpace,
+    begun: float,
+) -> ImageFit:
+    """Material of pictures in a distant light each."""
+    _check_channels(space.channels, pictures[0].n_channels)
+    most = max(N_PIXELS // len(pictures), LEAST_PIXELS)
+    some = [
+        seen.take(chosen(picture.flat[seen.pixel], most))
+        for picture, seen in zip(pictures, of_points, strict=True)
+    ]
+    samples = distant.samples(pictures, some, lights, space.channels)
+    with warnings.catch_warnings():
+        # It is told of the picture
+        warnings.simplefilter("ignore", PriorWarning)
+        found = fit(samples, prior=space)
+    made = np.asarray(found.model.eval(samples.wi, samples.wo))
+    offset = search.OFFSET * np.nanmean(samples.values, axis=0)
+    residual = np.arcsinh(0.5 * made / offset) - np.arcsinh(0.5 * samples.values / offset)
+    rms = float(np.sqrt(np.nanmean(residual**2)))
+    _warn_unexplained(rms, pictures[0].name)
+    options = {"from": "pictures", "prior": True, "exposure": "known"}
+    return ImageFit(
+        found.model.replace(fit_options=options, errors={}),
+        lights,
+        found.posterior.covariance,
+        found.n_decided,
+        found.observations.n_effective,
+        rms,
+        found.coverage,
+        np.ones(pictures[0].n_channels),
+        found.converged,
+        time.perf_counter() - begun,
+        found.posterior,
+        pictures,
+        of_points,
     )
 
 
@@ -443,12 +490,16 @@ def _gaussian(prior: str | MaterialSpace | Gaussian, n_channels: int) -> Gaussia
 
         prior = space.builtin()
     gaussian = prior if isinstance(prior, Gaussian) else prior.gaussian()
-    if len(gaussian.channels) != n_channels:
-        raise ValueError(
-            f"a picture of {n_channels} channels does not go with a prior of {len(gaussian.channels)}: "
-            f"{', '.join(gaussian.channels)}. Give a picture with these channels."
-        )
+    _check_channels(gaussian.channels, n_channels)
     return gaussian
+
+
+def _check_channels(channels: tuple[str, ...], n_channels: int) -> None:
+    if len(channels) != n_channels:
+        raise ValueError(
+            f"a picture of {n_channels} channels does not go with a prior of {len(channels)}: "
+            f"{', '.join(channels)}. Give a picture with these channels."
+        )
 
 
 def _problem(
@@ -524,7 +575,7 @@ def finished(
         covariance,
         n_decided,
         worth,
-        float(np.sqrt((found.residual**2).mean())),
+        _rms(found),
         coverage.of(problem, lobes),
         np.exp(found.x[n:]) if problem.exposure else np.ones(problem.pixels.shape[1]),
         found.converged,
@@ -535,8 +586,11 @@ def finished(
     )
 
 
-def _warn_unexplained(found: search.Solution, name: str) -> None:
-    miss = float(np.sqrt((found.residual**2).mean()))
+def _rms(found: search.Solution) -> float:
+    return float(np.sqrt((found.residual**2).mean()))
+
+
+def _warn_unexplained(miss: float, name: str) -> None:
     if miss > UNEXPLAINED:
         warnings.warn(
             f"{name}: the model misses the pixels by a factor of {np.exp(miss):.2f} (RMS). Check the normals, the "

@@ -163,11 +163,7 @@ class Scene:
     @property
     def _frames(self) -> tuple[Array, Array]:
         """Rotations (pixel, 3, 3) to frames with the normal as +z, and the view (pixel, 3) in them."""
-        normal = self.points.normal
-        helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-        across = np.cross(normal, helper)
-        across /= np.linalg.norm(across, axis=-1, keepdims=True)
-        rotation = np.stack([across, np.cross(normal, across), normal], axis=1)
+        rotation = self.points.frames
         return rotation, np.einsum("pij,pj->pi", rotation, self.points.view)
 
     def transfer(self, lobes: Lobes) -> Array:

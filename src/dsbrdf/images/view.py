@@ -101,6 +101,15 @@ class Points:
             means.append(mean / np.linalg.norm(mean, axis=-1, keepdims=True))
         return Points(self.pixel, means[0], means[1], np.arange(len(self.pixel) + 1))
 
+    @property
+    def frames(self) -> Array:
+        """Rotations (point, 3, 3) to frames with the normal as +z."""
+        normal = self.normal
+        helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        across = np.cross(normal, helper)
+        across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        return np.stack([across, np.cross(normal, across), normal], axis=1)
+
     def take(self, which: NDArray[np.int_]) -> Points:
         """Some of the pixels."""
         counts = np.diff(self.start)
