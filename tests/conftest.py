@@ -1,6 +1,7 @@
 """Shared fixtures: random numbers, small tables, a file in the layout of MERL, the measured data."""
 
 import dataclasses
+import importlib.util
 import os
 import signal
 import subprocess
@@ -12,9 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
-from figures import assert_nothing_is_cut
 from hypothesis import settings
-from matplotlib.figure import Figure
 from reflectances import closed_form
 
 from dsbrdf import material, tabulate, write_merl
@@ -30,9 +29,12 @@ settings.load_profile("dsbrdf")
 SMALL = (12, 18, 20)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=importlib.util.find_spec("matplotlib") is not None)
 def nothing_is_cut(monkeypatch):
     """Whatever figure a test writes, all its texts lie in it."""
+    from figures import assert_nothing_is_cut
+    from matplotlib.figure import Figure
+
     save = Figure.savefig
 
     def checked(figure, *arguments, **options):

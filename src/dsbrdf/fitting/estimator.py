@@ -17,7 +17,7 @@ from dsbrdf._brief import Brief
 from dsbrdf.fitting import energy
 from dsbrdf.fitting.observations import Observations
 from dsbrdf.fitting.options import AUTO, FitOptions
-from dsbrdf.model.lobes import Lobes, curve_design
+from dsbrdf.model.lobes import MAX_LN_KAPPA, Lobes, curve_design
 from dsbrdf.space import Gaussian
 from dsbrdf.space import process as processes
 from dsbrdf.space.process import Expectation
@@ -44,6 +44,8 @@ ABSENT = -30.0
 SUPPORT, SUPPORT_TOLERANCE = 100.0, 0.3
 #: Most steps of a search for the lobes nearest to a reflectance.
 NEAREST_STEPS = 60
+#: How many times as bright a lobe may be at a theta_d of 90 degrees as at its last coefficient before.
+RISE = 3.0
 #: RMS of the residuals of one scan that lobes without change over theta_d may have.
 ENOUGH = 0.03
 #: More channels than this are grown as so many means of neighbours.
@@ -334,6 +336,15 @@ def nearest_lobes(observations: Observations, sizes: tuple[int, ...], n_lobes: i
     return np.asarray(end["x"])
 
 
+def _ending_low(lobes: Lobes) -> Lobes:
+    """Lobes that rise no more than Fresnel's factor toward a theta_d of 90 degrees, where nothing is expected."""
+    if lobes.scale.shape[1] < 2:
+        return lobes
+    end, before = lobes.scale[:, 0], np.minimum(lobes.scale[:, 1], MAX_LN_KAPPA - 1.0)
+    highest = np.log(np.log1p(RISE * np.expm1(np.exp(before))))
+    return lobes.replace(scale=np.column_stack([np.minimum(end, highest), lobes.scale[:, 1:]]))
+
+
 def _as_expected(observations: Observations, options: FitOptions, expected: Expectation) -> Estimate:
     """The lobes nearest to the observations and to what is expected of the material."""
     process, n_channels = expected.process, observations.n_channels
@@ -347,7 +358,7 @@ def _as_expected(observations: Observations, options: FitOptions, expected: Expe
         iterations=options.max_iterations,
         tolerance=SUPPORT_TOLERANCE,
     )
-    lobes = lobes_of(end["x"], how.sizes, process.n_lobes, n_channels)
+    lobes = _ending_low(lobes_of(end["x"], how.sizes, process.n_lobes, n_channels))
     return Estimate(
         lobes,
         end["objective"],
