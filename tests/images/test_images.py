@@ -7,7 +7,7 @@ import pytest
 from pairs import hemisphere
 
 from dsbrdf import library
-from dsbrdf.geometry import panorama
+from dsbrdf.geometry import half_diff, panorama
 from dsbrdf.images import Light, PictureWarning, fit_image, fit_regions, relight
 from dsbrdf.images import fit as image_fit
 from dsbrdf.images.independence import LEAST, independent
@@ -276,3 +276,20 @@ def test_bad_distant_lights():
         Light.distant([[0.0, 0.0, 2.0]])
     with pytest.raises(ValueError, match="'irradiance' must be"):
         Light.distant([[0.0, 0.0, 1.0]], np.ones((2, 3)))
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_distant_lights_do_not_invent_light_at_grazing_angles(n):
+    """The space says what no light shows: near 90 degrees, too, the material is of its kind."""
+    truth = library.load("orange-paint")
+    directions = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8], [-0.8, 0.6, 0.0]])[:n]
+    lights = [Light.distant(direction, 3.0) for direction in directions]
+    pictures = [relight(truth, "sphere", light, size=32) for light in lights]
+    found = fit_image(pictures, "sphere", lights, prior=builtin(without=["orange-paint"]))
+    theta_d = np.deg2rad([5.0, 30.0, 60.0, 80.0, 86.0, 89.0])
+    wi, wo = half_diff.to_directions(np.full(6, np.deg2rad(8.0)), theta_d, np.full(6, np.pi / 2))
+    off = np.log(found.model.eval(wi, wo) / truth.eval(wi, wo))
+    assert np.abs(off[:3]).max() < 0.4
+    assert off.max() < np.log(10.0)
+    low, high = found.band(wi[1:4], wo[1:4])
+    assert (low < high).all()
