@@ -289,7 +289,8 @@ def test_distant_lights_do_not_invent_light_at_grazing_angles(n):
     theta_d = np.deg2rad([5.0, 30.0, 60.0, 80.0, 86.0, 89.0])
     wi, wo = half_diff.to_directions(np.full(6, np.deg2rad(8.0)), theta_d, np.full(6, np.pi / 2))
     off = np.log(found.model.eval(wi, wo) / truth.eval(wi, wo))
-    assert np.abs(off[:3]).max() < 0.4
+    # A light shows theta_d up to some 20 degrees here
+    assert np.abs(off[:2]).max() < 0.2
     assert off.max() < np.log(10.0)
     low, high = found.band(wi[1:4], wo[1:4])
     assert (low < high).all()
