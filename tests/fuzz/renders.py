@@ -74,15 +74,15 @@ def check(seeds):
     return failures, worst, brightest, least
 
 
-def main():
-    """Parse, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main(check, about, how):
+    """Parse, check models, print: `about` describes the program, `how` what models were seen in."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("--models", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     arguments = parser.parse_args()
     failures, worst, brightest, least = check(range(arguments.first, arguments.first + arguments.models))
     print(
-        f"{arguments.models} models, {len(ANGLES)} angles: {len(failures)} failures; furnace at most {worst:.1f} "
+        f"{arguments.models} models{how}: {len(failures)} failures; furnace at most {worst:.1f} "
         f"standard deviations off, brightest {brightest:.4f}; least p-value {least:.1e}"
     )
     print("\n".join(failures))
@@ -90,4 +90,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(check, __doc__, f", {len(ANGLES)} angles"))

@@ -7,12 +7,11 @@ other. Prints how many fail, and the extremes. Takes some seconds a model. Slang
 the same source; nothing here runs them.
 """
 
-import argparse
 import sys
 
 import numpy as np
 from browser import chromium, run_glsl, run_wgsl, secure_page
-from renders import ANGLES, SIGNIFICANCE, random_model
+from renders import ANGLES, SIGNIFICANCE, main, random_model
 from scipy import stats
 
 from dsbrdf import shader
@@ -65,20 +64,5 @@ def check(seeds):
     return failures, worst, brightest, least
 
 
-def main():
-    """Parse, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--models", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    arguments = parser.parse_args()
-    failures, worst, brightest, least = check(range(arguments.first, arguments.first + arguments.models))
-    print(
-        f"{arguments.models} models in {' and '.join(RUNS)}: {len(failures)} failures; furnace at most {worst:.1f} "
-        f"standard deviations off, brightest {brightest:.4f}; least p-value {least:.1e}"
-    )
-    print("\n".join(failures))
-    return int(bool(failures))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(check, __doc__, f" in {' and '.join(RUNS)}"))

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dsbrdf.baselines._base import AbstractBaseline, Array
-from dsbrdf.baselines.microfacet import ALPHA, STEP, STRENGTH, Problem, least, strengths
+from dsbrdf.baselines.microfacet import ALPHA, STEP, STRENGTH, Problem, cos_theta_d, least, strengths
 from dsbrdf.measured import reflectance
 from dsbrdf.measured.samples import Samples
 from dsbrdf.measured.table import MeasuredBRDF
@@ -87,9 +87,7 @@ class FresnelGGX(AbstractBaseline):
         return 3 * self.albedo.size + 1
 
     def _values(self, wi: Array, wo: Array) -> Array:
-        s = wi + wo
-        cos_d = np.minimum(0.5 * np.sqrt((s * s).sum(-1, keepdims=True)), 1.0)
-        share = fresnel(np.maximum(cos_d, 1e-12), self.index, self.extinction)
+        share = fresnel(np.maximum(cos_theta_d(wi, wo)[..., None], 1e-12), self.index, self.extinction)
         values: Array = self.albedo / np.pi + share * reflectance.ggx(wi, wo, self.alpha)
         return values
 
@@ -130,8 +128,9 @@ def fit_fresnel_ggx(measured: MeasuredBRDF | Samples) -> FresnelGGX:
         albedo = strengths(few, log_alpha)[:, 0]
         starts.append(np.log(np.concatenate([albedo, np.full(n, index), np.full(n, extinction), [width]])))
     x = np.exp(least(Search, problem, starts, bounds))
-    dark = np.logical_not((problem.values * problem.root_weight).any(0))
-    return FresnelGGX(np.where(dark, 0.0, x[:n]), x[n : 2 * n], x[2 * n : 3 * n], float(x[-1]), measured.name)
+    return FresnelGGX(
+        np.where(problem.is_dark, 0.0, x[:n]), x[n : 2 * n], x[2 * n : 3 * n], float(x[-1]), measured.name
+    )
 
 
 class Search:
@@ -139,9 +138,7 @@ class Search:
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.n = problem, problem.values.shape[1]
-        self.target = problem.link(problem.values)[0]
-        s = problem.wi + problem.wo
-        self.cos_d = np.minimum(0.5 * np.sqrt((s * s).sum(-1, keepdims=True)), 1.0)
+        self.cos_d = cos_theta_d(problem.wi, problem.wo)[:, None]
 
     def _share(self, log_index: Array, log_extinction: Array) -> Array:
         return fresnel(self.cos_d, np.exp(log_index), np.exp(log_extinction))
@@ -154,8 +151,7 @@ class Search:
         """Weighted differences, (row channel,)."""
         diffuse, index, extinction, log_alpha = self._parts(x)
         values = diffuse + self._share(index, extinction) * self.problem.lobe(log_alpha)[:, None]
-        flat: Array = (self.problem.root_weight * (self.problem.link(values)[0] - self.target)).ravel()
-        return flat
+        return self.problem.differences(values)
 
     def jacobian(self, x: Array) -> Array:
         """Derivatives (row channel, unknown)."""
@@ -170,7 +166,6 @@ class Search:
             jacobian[:, channel, channel] = diffuse[channel]
             jacobian[:, channel, n + channel] = by_index[:, channel] / (2.0 * STEP)
             jacobian[:, channel, 2 * n + channel] = by_extinction[:, channel] / (2.0 * STEP)
-        slope = (problem.lobe(log_alpha + STEP) - problem.lobe(log_alpha - STEP)) / (2.0 * STEP)
-        jacobian[:, :, -1] = share * slope[:, None]
+        jacobian[:, :, -1] = share * problem.lobe_slope(log_alpha)[:, None]
         jacobian *= outer[..., None]
         return jacobian.reshape(-1, x.size)

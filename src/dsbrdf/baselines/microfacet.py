@@ -23,6 +23,7 @@ __all__ = [
     "GGXPair",
     "LambertGGX",
     "Problem",
+    "cos_theta_d",
     "fit_ggx_pair",
     "fit_lambert_ggx",
     "least",
@@ -113,10 +114,16 @@ class GGXPair(_Microfacet):
         return self.albedo.size + self.f0.size + self.f90.size + self.alpha.size
 
 
+def cos_theta_d(wi: Array, wo: Array) -> Array:
+    """`cos(theta_d)`, not above 1."""
+    s = wi + wo
+    cosine: Array = np.minimum(0.5 * np.sqrt((s * s).sum(-1)), 1.0)
+    return cosine
+
+
 def _schlick(wi: Array, wo: Array) -> Array:
     """`(1 - cos(theta_d))^5`."""
-    s = wi + wo
-    power: Array = (1.0 - np.minimum(0.5 * np.sqrt((s * s).sum(-1)), 1.0)) ** 5
+    power: Array = (1.0 - cos_theta_d(wi, wo)) ** 5
     return power
 
 
@@ -253,6 +260,21 @@ class Problem:
         return np.log(values + self.offset), 1.0 / (values + self.offset)
 
     @cached_property
+    def target(self) -> Array:
+        """What values (row, channel) are compared as."""
+        return self.link(self.values)[0]
+
+    @cached_property
+    def is_dark(self) -> NDArray[np.bool_]:
+        """Which channels (channel,) are without light."""
+        return np.logical_not((self.values * self.root_weight).any(0))
+
+    def differences(self, values: Array) -> Array:
+        """Weighted differences (row channel,) of values of a model (row, channel)."""
+        flat: Array = (self.root_weight * (self.link(values)[0] - self.target)).ravel()
+        return flat
+
+    @cached_property
     def _geometry(self) -> tuple[Array, Array, Array, Array]:
         """`sin(theta_h)^2`, `cos(theta_h)^2`, and the cosines of the two directions."""
         s = self.wi + self.wo
@@ -267,6 +289,11 @@ class Problem:
         s_i, s_o = (np.sqrt(alpha2 + (1.0 - alpha2) * cos * cos) for cos in (cos_i, cos_o))
         values: Array = 0.5 * facets / (cos_i * s_o + cos_o * s_i)
         return values
+
+    def lobe_slope(self, log_alpha: float) -> Array:
+        """Its derivative by the logarithm of alpha."""
+        slope: Array = (self.lobe(log_alpha + STEP) - self.lobe(log_alpha - STEP)) / (2.0 * STEP)
+        return slope
 
 
 def _entries(measured: MeasuredBRDF) -> tuple[Array, Array, Array, Array]:
@@ -308,7 +335,7 @@ def solve(
     albedo, f0, f90, log_alpha = few.split(best)
     order = np.argsort(log_alpha)
     # A channel without light has none
-    dark: NDArray[np.bool_] = np.logical_not((problem.values * problem.root_weight).any(0))
+    dark = problem.is_dark
     albedo, f0 = np.where(dark, 0.0, albedo), np.where(dark[:, None], 0.0, f0)
     return albedo, f0[:, order], np.where(dark.all(), 0.0, f90[order]), np.exp(log_alpha[order])
 
@@ -374,7 +401,6 @@ class Search:
         self.problem, self.n_lobes, self.free_f90 = problem, n_lobes, free_f90
         self.n_channels = problem.values.shape[1]
         self.size = self.n_channels * (1 + n_lobes) + n_lobes * (1 + free_f90)
-        self.target = problem.link(problem.values)[0]
 
     def split(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Albedo (channel,), F0 (channel, lobe), F90 (lobe,) and ln alpha (lobe,)."""
@@ -400,8 +426,7 @@ class Search:
     def residual(self, x: Array) -> Array:
         """Weighted differences, (row channel,)."""
         values, _ = self._model(x)
-        flat: Array = (self.problem.root_weight * (self.problem.link(values)[0] - self.target)).ravel()
-        return flat
+        return self.problem.differences(values)
 
     def jacobian(self, x: Array) -> Array:
         """Derivatives (row channel, unknown)."""
@@ -419,8 +444,7 @@ class Search:
             if self.free_f90:
                 at = c * (1 + k) + lobe
                 jacobian[:, :, at] = (f90[lobe] * problem.grazing * lobes[lobe])[:, None]
-            up, down = (problem.lobe(log_alpha[lobe] + step) for step in (STEP, -STEP))
-            slope = (up - down) / (2.0 * STEP)
+            slope = problem.lobe_slope(log_alpha[lobe])
             fresnel = f0[:, lobe] + (f90[lobe] - f0[:, lobe]) * problem.grazing[:, None]
             jacobian[:, :, self.size - k + lobe] = fresnel * slope[:, None]
         jacobian *= outer[..., None]

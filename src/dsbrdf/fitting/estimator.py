@@ -278,17 +278,19 @@ def _with_prior(observations: Observations, options: FitOptions, prior: Gaussian
     )
     lobes = lobes_of(end["x"], how.sizes, prior.n_lobes, observations.n_channels)
     prior = _in_order(prior, end["x"], observations.n_channels)
-    return Estimate(
-        lobes,
-        end["objective"],
-        end["squares"],
-        np.empty(0),
-        end["iterations"],
-        end["converged"],
-        how,
-        observations,
-        prior,
-    )
+    return _given(end, lobes, how, observations, prior)
+
+
+def _given(
+    end: _core._Solution,
+    lobes: Lobes,
+    how: _Options,
+    observations: Observations,
+    prior: Gaussian | Expectation,
+) -> Estimate:
+    """The estimate of a prior, which has chosen the number of lobes."""
+    parts = (end["objective"], end["squares"], np.empty(0), end["iterations"], end["converged"])
+    return Estimate(lobes, *parts, how, observations, prior)
 
 
 def _in_order(prior: Gaussian, x: Array, n_channels: int) -> Gaussian:
@@ -359,14 +361,4 @@ def _as_expected(observations: Observations, options: FitOptions, expected: Expe
         tolerance=SUPPORT_TOLERANCE,
     )
     lobes = _ending_low(lobes_of(end["x"], how.sizes, process.n_lobes, n_channels))
-    return Estimate(
-        lobes,
-        end["objective"],
-        end["squares"],
-        np.empty(0),
-        end["iterations"],
-        end["converged"],
-        how,
-        observations,
-        expected,
-    )
+    return _given(end, lobes, how, observations, expected)

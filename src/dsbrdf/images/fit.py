@@ -173,7 +173,7 @@ def fit_image(
     Parameters
     ----------
     image : (height, width, channel) array_like or path, or a list of them
-        Linear radiance; EXR and HDR files, or arrays. Of 8-bit images, and PNG files, the sRGB curve is undone.
+        Linear radiance; EXR, HDR and .npy files, or arrays. Of 8-bit images, and PNG files, the sRGB curve is undone.
     normals : (height, width, 3) array_like or "sphere", or a list of them
         Unit vectors in the camera's frame: x to the right, y up, z toward the camera. One for all, or one each.
     light : Light, or a list of them, or "unknown"

@@ -12,7 +12,6 @@ from dsbrdf import _check
 from dsbrdf._brief import Brief
 from dsbrdf.geometry import panorama
 from dsbrdf.measured.formats import image_file
-from dsbrdf.measured.formats.array_file import read_npy_array
 
 __all__ = ["Light"]
 
@@ -122,8 +121,7 @@ class Light(Brief):
         label = "the map"
         if isinstance(radiance, str | Path):
             label = str(radiance)
-            is_array = Path(radiance).suffix.lower() == ".npy"
-            radiance = read_npy_array(Path(radiance)) if is_array else image_file.read_pixels(radiance)
+            radiance = image_file.read_array(Path(radiance))
         given = np.asarray(radiance, dtype=np.float64)
         if given.ndim == 2:
             given = given[..., None] * np.ones(3)

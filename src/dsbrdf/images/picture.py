@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf.measured.formats import image_file
-from dsbrdf.measured.formats.array_file import read_npy_array
+from dsbrdf.measured.formats.image_file import LINEAR
 
 __all__ = ["Picture"]
 
@@ -74,11 +74,8 @@ class Picture:
         if isinstance(image, str | Path):
             path = Path(image)
             name, label = path.stem, str(path)
-            if path.suffix.lower() == ".npy":
-                image = read_npy_array(path)
-            else:
-                image = image_file.read_pixels(path)
-                note = "" if path.suffix.lower() in (".exr", ".hdr") else NOTE
+            image = image_file.read_array(path)
+            note = "" if path.suffix.lower() in LINEAR else NOTE
         array: NDArray[Any] = np.asarray(image)
         if array.dtype == np.uint8:
             array, note = _linear(np.asarray(array / 255.0, dtype=np.float64)), NOTE

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dsbrdf import _files
 from dsbrdf.images.light import Light
 from dsbrdf.measured.formats import image_file
-from dsbrdf.measured.formats.array_file import read_npy_array
+from dsbrdf.measured.formats.image_file import LINEAR
 from dsbrdf.measured.formats.matlab_file import read_matlab_arrays
 
 __all__ = ["Stack", "read_lights", "read_mask", "read_normals", "read_stack"]
@@ -125,12 +125,9 @@ def read_normals(path: str | Path) -> Array:
         If the file is damaged or cannot be read.
     """
     path = Path(path)
-    if path.suffix.lower() == ".npy":
-        found = read_npy_array(path)
-    else:
-        found = image_file.read_pixels(path, decode=False)
-        if path.suffix.lower() not in (".exr", ".hdr"):
-            found = 2.0 * found - 1.0
+    found = image_file.read_array(path, decode=False)
+    if path.suffix.lower() not in LINEAR:
+        found = 2.0 * found - 1.0
     if found.ndim != 3 or found.shape[-1] != 3:
         raise ValueError(f"{path}: normals must be (height, width, 3), got shape {found.shape}.")
     return _unit(found)

@@ -21,11 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsbrdf import _files
-from dsbrdf.measured.formats.array_file import bivariate
+from dsbrdf.measured.formats.array_file import bivariate, read_npy_array
 from dsbrdf.measured.source import Source
 from dsbrdf.measured.table import MeasuredBRDF
 
-__all__ = ["EXR_MAGIC", "PNG_MAGIC", "read_image", "read_pixels", "write_pixels"]
+__all__ = ["EXR_MAGIC", "LINEAR", "PNG_MAGIC", "read_array", "read_image", "read_pixels", "write_pixels"]
+
+#: Endings of files whose values are linear, and may be of any size.
+LINEAR = (".exr", ".hdr", ".npy")
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -112,6 +115,17 @@ def read_pixels(
     except RuntimeError as error:
         raise ValueError(f"{path}: not a sound image: {error}") from None
     return np.array(bitmap)
+
+
+def read_array(path: Path, *, decode: bool = True) -> NDArray[Any]:
+    """Values of an image as `read_pixels` has them, or the array of a .npy file as it is.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the file is damaged or cannot be read.
+    """
+    return read_npy_array(path) if path.suffix.lower() == ".npy" else read_pixels(path, decode=decode)
 
 
 def write_pixels(pixels: NDArray[Any], path: str | Path, names: Sequence[str] = ()) -> None:
