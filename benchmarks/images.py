@@ -240,7 +240,8 @@ def tilted(degrees, seed=1):
 
 
 def prior_without(name):
-    return dsbrdf.space.builtin(without=[n for n in library.names() if n == name or f"{n}_rgb" == name])
+    (own,) = [n for n in library.names() if n in (name, f"{name}_rgb")]
+    return dsbrdf.space.builtin(without=[own])
 
 
 def found_in(image, light, prior, **options):
@@ -269,9 +270,15 @@ def distant_lights(n):
 
 
 def shaded(measured, direction):
-    """Picture of a table in one distant light, at the middles of the pixels."""
-    light = images.Light.distant(direction, np.pi)
-    return relit_baseline(measured, light)
+    """Picture of a table in one distant light, each pixel the mean over 8 x 8 points."""
+    seen = points("sphere", (SIZE, SIZE), Camera(), least_cosine=0.0, per_side=8)
+    toward, view = seen.frames @ direction, (seen.frames @ seen.view[..., None])[..., 0]
+    up = (toward[:, 2] > 0.0) & (view[:, 2] > 0.0)
+    values = np.zeros((len(up), 3))
+    values[up] = np.pi * measured.eval(toward[up], view[up]) * toward[up, 2:]
+    image = np.zeros((SIZE * SIZE, 3))
+    image[seen.pixel] = np.add.reduceat(values, seen.start[:-1]) / np.diff(seen.start)[:, None]
+    return image.reshape(SIZE, SIZE, 3)
 
 
 def main() -> None:

@@ -8,9 +8,10 @@ from pairs import hemisphere
 
 from dsbrdf import library
 from dsbrdf.geometry import half_diff, panorama
-from dsbrdf.images import Light, PictureWarning, fit_image, fit_regions, relight
+from dsbrdf.images import Light, PictureWarning, distant, fit_image, fit_regions, relight
 from dsbrdf.images import fit as image_fit
 from dsbrdf.images.independence import LEAST, independent
+from dsbrdf.images.picture import Picture
 from dsbrdf.images.view import Camera, points
 from dsbrdf.space import builtin
 
@@ -157,7 +158,7 @@ def test_regions_are_fitted_apart(truth, sky, space):
     mixed = np.where((labels == 1)[..., None], a, b)
     normals = points("sphere", (SIZE, SIZE), Camera())
     full = np.zeros((SIZE * SIZE, 3))
-    full[normals.pixel] = normals.normal.reshape(-1, 4, 3).mean(1)
+    full[normals.pixel] = normals.middles.normal
     length = np.linalg.norm(full, axis=-1, keepdims=True)
     full = np.divide(full, length, out=np.zeros_like(full), where=length > 0.0).reshape(SIZE, SIZE, 3)
     found = fit_regions(mixed, full, sky, labels, prior=space)
@@ -294,3 +295,19 @@ def test_distant_lights_do_not_invent_light_at_grazing_angles(n):
     assert off.max() < np.log(10.0)
     low, high = found.band(wi[1:4], wo[1:4])
     assert (low < high).all()
+
+
+def test_what_a_pixel_is_of_its_middle():
+    """A pixel of a small sphere is a mean over the highlight: what a model makes of that leads back to its middle."""
+    truth, light = library.load("specular-blue-phenolic"), Light.distant([0.0, 0.6, 0.8], 3.0)
+    picture = Picture.of(relight(truth, "sphere", light, size=SIZE), "blue")
+    lit = distant.Lit.of(points("sphere", (SIZE, SIZE), Camera()), light)
+    plain = distant.samples([picture], [lit], truth.channels)
+    told = distant.samples([picture], [lit], truth.channels, truth)
+    values = truth.eval(plain.wi, plain.wo)
+    assert np.abs(np.log(plain.values / values)).max() > 0.3
+    # The picture is made by values at nodes, which a sharp lobe is not exactly between
+    spread = np.abs(np.log(told.values / plain.values)).max(-1)
+    moderate = spread < np.log(distant.MOST_SPREAD) - 1e-9
+    assert (spread[moderate] > 0.2).any()
+    np.testing.assert_allclose(told.values[moderate], values[moderate], rtol=0.06)

@@ -175,3 +175,15 @@ def test_of_another_kind_it_widens():
     wi, wo = pairs(500, 5)
     usual = dsbrdf.fit(noisy(library.load("delrin").eval, 40, 0), prior="library")
     assert np.median(found.posterior.deviation(wi, wo)) > 3.0 * np.median(usual.posterior.deviation(wi, wo))
+
+
+def test_many_values_count_as_some():
+    """What materials do not describe is alike at pairs near each other: the same values again decide nothing more."""
+    whole = builtin(without=["nickel"]).process
+    wi, wo = pairs(process.WORTH // 3, 5)
+    values, at = library.load("nickel").eval(wi, wo), Positions.of_directions(wi, wo)
+    once = whole.given(at, values, np.ones_like(values))
+    again = Positions(*(np.tile(part, 4) for part in at))
+    four = whole.given(again, np.tile(values, (4, 1)), np.ones((4 * len(values), 3)))
+    assert four.n_decided == pytest.approx(once.n_decided, rel=1e-6)
+    np.testing.assert_allclose(four.coefficients, once.coefficients, rtol=1e-4, atol=1e-6)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from dsbrdf._brief import Brief
 from dsbrdf.fitting import uncertainty
 from dsbrdf.fitting.coverage import Coverage
-from dsbrdf.fitting.fit import PriorWarning, fit
+from dsbrdf.fitting.fit import ConvergenceWarning, PriorWarning, fit
 from dsbrdf.images import coverage, distant, linear, search, unknown
 from dsbrdf.images.independence import independent
 from dsbrdf.images.light import Light
@@ -291,11 +291,17 @@ def _distant(
         seen.take(chosen(picture.flat[seen.pixel], most))
         for picture, seen in zip(pictures, of_points, strict=True)
     ]
-    samples = distant.samples(pictures, some, lights, space.channels)
+    lit = [distant.Lit.of(each, light) for each, light in zip(some, lights, strict=True)]
+    samples = distant.samples(pictures, lit, space.channels)
     with warnings.catch_warnings():
-        # It is told of the picture
+        # It is told of the picture, and by `converged`
         warnings.simplefilter("ignore", PriorWarning)
+        warnings.simplefilter("ignore", ConvergenceWarning)
         found = fit(samples, prior=space)
+        # A pixel is a mean over its points: what that is of its middle, the last fit tells
+        for _ in range(distant.ROUNDS if any(len(each.normal) > len(each.pixel) for each in some) else 0):
+            samples = distant.samples(pictures, lit, space.channels, found.model)
+            found = fit(samples, prior=space)
     made = np.asarray(found.model.eval(samples.wi, samples.wo))
     offset = search.OFFSET * np.nanmean(samples.values, axis=0)
     residual = np.arcsinh(0.5 * made / offset) - np.arcsinh(0.5 * samples.values / offset)

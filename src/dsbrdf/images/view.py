@@ -15,8 +15,8 @@ __all__ = ["Camera", "Points", "points"]
 
 Array = NDArray[np.float64]
 
-#: Points along a side of a pixel of a sphere, which sees several normals, in pictures of less than so many pixels.
-SUB, SMALL = 2, 100
+#: A pixel of a sphere sees several normals: points along a side of the sphere, and most along one of a pixel.
+FINE, MOST_POINTS = 256, 4
 #: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and models err most.
 LEAST_COSINE = float(np.cos(np.deg2rad(80.0)))
 
@@ -133,6 +133,7 @@ def points(
     mask: NDArray[np.bool_] | None = None,
     *,
     least_cosine: float = LEAST_COSINE,
+    per_side: int | None = None,
 ) -> Points:
     """Points of a picture (height, width).
 
@@ -147,6 +148,8 @@ def points(
         Pixels that may be used.
     least_cosine : float, optional
         Of the angle between normal and camera.
+    per_side : int, optional
+        Points along a side of a pixel of a sphere; as many as its size asks for by default.
 
     Raises
     ------
@@ -157,7 +160,9 @@ def points(
     least = min(height, width)
     if mask is not None and mask.shape != shape:
         raise ValueError(f"'mask' must have the picture's shape {shape}, got {mask.shape}.")
-    n = SUB if isinstance(normals, str) and least < SMALL else 1
+    n = 1
+    if isinstance(normals, str):
+        n = per_side or min(max(round(FINE / least), 1), MOST_POINTS)
     offset = (np.arange(n) + 0.5) / n
     x = (2.0 * (np.arange(width)[:, None] + offset) - width) / least
     y = (height - 2.0 * (np.arange(height)[:, None] + offset)) / least

@@ -9,7 +9,8 @@ so that given values decide the coefficients c by linear regression (Rasmussen a
 al. 2015 have such a regression on principal components). What no combination of materials describes, and the noise of
 the measurement, is e. `scale` and `noise` are those that make the values most probable: materials of another kind make
 both large, and the deviations of what is expected with them. They never make them smaller than those of the materials
-of the space: a few values can be met more closely than all others.
+of the space: a few values can be met more closely than all others. As e is in truth alike at pairs near each other,
+many values count as `WORTH` independent ones.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ OFFSET = 5e-4
 NOISE, SPREAD_OF_NOISE, SPREAD_OF_SCALE = 0.06, 0.7, 0.5
 SCALES = np.geomspace(1.0, 4.0, 9)
 NOISES = np.geomspace(NOISE, 1.0, 16)
+#: Values count as so many at most: what no combination of materials describes is alike at pairs near each other.
+WORTH = 240
 #: Pairs handled together.
 CHUNK = 500
 #: Most rows of a regression.
@@ -197,12 +200,14 @@ class Process(Brief):
         mean, added = self.at(positions.take(some))
         weights = weights[some]
         valid = weights > 0.0
-        root = np.sqrt(weights[valid] / weights[valid].mean())
+        counted = min(1.0, WORTH / max(int(valid.sum()), 1))
+        root = np.sqrt(counted * weights[valid] / weights[valid].mean())
         target = root * (scaled(values[some]) - mean)[valid]
         left, singular, right = np.linalg.svd(root * added[:, valid], full_matrices=False)
         along = right @ target
         # The values along the materials, and what they leave
-        rest, n_rest = max(float(target @ target - along @ along), 0.0), target.size - along.size
+        rest = max(float(target @ target - along @ along), 0.0)
+        n_rest = max(counted * target.size - along.size, 0.0)
         scales, noises = SCALES[:, None, None], NOISES[:, None]
         variance = (scales * singular) ** 2 + noises**2
         evidence = -0.5 * (along**2 / variance + np.log(variance)).sum(-1)
