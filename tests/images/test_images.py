@@ -299,7 +299,7 @@ def test_distant_lights_do_not_invent_light_at_grazing_angles(n):
 
 def test_what_a_pixel_is_of_its_middle():
     """A pixel of a small sphere is a mean over the highlight: what a model makes of that leads back to its middle."""
-    truth, light = library.load("specular-blue-phenolic"), Light.distant([0.0, 0.6, 0.8], 3.0)
+    truth, light = library.load("blue-acrylic"), Light.distant([0.0, 0.6, 0.8], 3.0)
     picture = Picture.of(relight(truth, "sphere", light, size=SIZE), "blue")
     lit = distant.Lit.of(points("sphere", (SIZE, SIZE), Camera()), light)
     plain = distant.samples([picture], [lit], truth.channels)
