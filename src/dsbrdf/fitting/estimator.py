@@ -335,16 +335,19 @@ def nearest_lobes(observations: Observations, sizes: tuple[int, ...], n_lobes: i
     end = observations.kernel.refine(
         how, n_lobes, start.tolist(), iterations=NEAREST_STEPS, tolerance=SUPPORT_TOLERANCE
     )
-    return np.asarray(end["x"])
+    return _ending_low(end["x"], sizes, n_lobes)
 
 
-def _ending_low(lobes: Lobes) -> Lobes:
-    """Lobes that rise no more than Fresnel's factor toward a theta_d of 90 degrees, where nothing is expected."""
-    if lobes.scale.shape[1] < 2:
-        return lobes
-    end, before = lobes.scale[:, 0], np.minimum(lobes.scale[:, 1], MAX_LN_KAPPA - 1.0)
-    highest = np.log(np.log1p(RISE * np.expm1(np.exp(before))))
-    return lobes.replace(scale=np.column_stack([np.minimum(end, highest), lobes.scale[:, 1:]]))
+def _ending_low(x: Array, sizes: tuple[int, ...], n_lobes: int) -> Array:
+    """Unknowns whose lobes rise no more than Fresnel's factor toward a theta_d of 90 degrees, where nothing is expected."""
+    *shared, _ = sizes
+    if shared[0] < 2:
+        return x
+    x = x.copy()
+    scale = x[: n_lobes * sum(shared)].reshape(n_lobes, -1)[:, : shared[0]]
+    before = np.minimum(scale[:, 1], MAX_LN_KAPPA - 1.0)
+    scale[:, 0] = np.minimum(scale[:, 0], np.log(np.log1p(RISE * np.expm1(np.exp(before)))))
+    return x
 
 
 def _as_expected(observations: Observations, options: FitOptions, expected: Expectation) -> Estimate:
@@ -360,5 +363,5 @@ def _as_expected(observations: Observations, options: FitOptions, expected: Expe
         iterations=options.max_iterations,
         tolerance=SUPPORT_TOLERANCE,
     )
-    lobes = _ending_low(lobes_of(end["x"], how.sizes, process.n_lobes, n_channels))
-    return _given(end, lobes, how, observations, expected)
+    x = _ending_low(end["x"], how.sizes, process.n_lobes)
+    return _given(end, lobes_of(x, how.sizes, process.n_lobes, n_channels), how, observations, expected)
