@@ -187,3 +187,17 @@ def test_an_unknown_light_needs_one_picture_and_materials(space):
         fit_image(image, "sphere", "unknown", prior=space.gaussian())
     with pytest.raises(ValueError, match=r"'light' must be a Light or 'unknown', got 'dark'"):
         fit_image(image, "sphere", "dark", prior=space)
+
+
+def test_cells_near_where_a_mirror_looks_are_taken_apart(monkeypatch):
+    """Few directions in a cell miss a lobe narrower than it, or count it several times."""
+    seen = points("sphere", (32, 32), Camera()).middles
+    seen = seen.take(np.arange(0, len(seen.pixel), 40))
+    scene = unknown.Scene(seen, np.ones((len(seen.pixel), 3)), unknown.Grid(ROWS))
+    lobes = library.load("chrome").lobes
+    made = scene.transfer(lobes).sum(-1)
+    for parts, least, most in ((((20, 180.0),), 0.0, 0.03), (((2, 180.0),), 0.2, np.inf)):
+        monkeypatch.setattr(unknown, "PARTS", parts)
+        other = dataclasses.replace(scene).transfer(lobes).sum(-1)
+        off = np.sqrt((np.log(made / other) ** 2).mean())
+        assert least <= off < most

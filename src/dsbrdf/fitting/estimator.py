@@ -339,7 +339,7 @@ def nearest_lobes(observations: Observations, sizes: tuple[int, ...], n_lobes: i
 
 
 def _ending_low(x: Array, sizes: tuple[int, ...], n_lobes: int) -> Array:
-    """Unknowns whose lobes rise to a theta_d of 90 degrees, where nothing is expected, no more than Fresnel's factor."""
+    """Unknowns whose lobes rise to 90 degrees of theta_d, where nothing is expected, no more than Fresnel's factor."""
     *shared, _ = sizes
     if shared[0] < 2:
         return x

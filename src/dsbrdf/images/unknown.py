@@ -44,13 +44,13 @@ COARSE = 10
 COMMON, LEVEL = 0.9, 3.0
 #: Noise of the logarithm of a pixel; it stands for what cells are too coarse for too.
 NOISE = 0.05
-#: Directions along a side of a cell.
-SUB = 2
+#: Directions along a side of a cell, and up to which angle in degrees between it and where a mirror would look.
+PARTS = ((16, 6.0), (8, 14.0), (4, 25.0), (2, 60.0), (1, 180.0))
 #: Rows of the light's map; pixels that materials are compared by, and those that tell the light.
 ROWS, N_PIXELS, N_LIGHT = 24, 70, 300
 #: Power of the probability of a picture that weighs materials: cells and materials are not quite those of the picture,
 #: which the noise does not know.
-SHARPNESS = 0.3
+SHARPNESS = 0.1
 #: Share of the covariance of all materials that is left in any case.
 LEFT = 0.02
 #: What the nodes of a mean count as, in observations, and the least cosine of their directions.
@@ -76,18 +76,14 @@ class Grid:
         """Toward the middles (cell, 3)."""
         return panorama.directions(self.rows, 2 * self.rows).reshape(-1, 3)
 
-    @cached_property
-    def parts(self) -> tuple[Array, Array]:
-        """Directions (cell, part, 3) and solid angles (cell, part) of the parts of the cells."""
-        n = SUB * self.rows
-        shape = (self.rows, SUB, 2 * self.rows, SUB)
-        fine = panorama.directions(n, 2 * n).reshape(*shape, 3)
-        angles = np.broadcast_to(panorama.solid_angles(n, 2 * n), (n, 2 * n)).reshape(shape)
+    def parts(self, n: int) -> tuple[Array, Array]:
+        """Directions (cell, part, 3) and solid angles (cell, part) of n x n parts of the cells."""
+        rows = n * self.rows
+        shape = (self.rows, n, 2 * self.rows, n)
+        fine = panorama.directions(rows, 2 * rows).reshape(*shape, 3)
+        angles = np.broadcast_to(panorama.solid_angles(rows, 2 * rows), (rows, 2 * rows)).reshape(shape)
         cells = 2 * self.rows**2
-        return (
-            np.ascontiguousarray(fine.swapaxes(1, 2)).reshape(cells, -1, 3),
-            np.ascontiguousarray(angles.swapaxes(1, 2)).reshape(cells, -1),
-        )
+        return fine.swapaxes(1, 2).reshape(cells, -1, 3), angles.swapaxes(1, 2).reshape(cells, -1)
 
     @cached_property
     def root(self) -> Array:
@@ -147,36 +143,42 @@ class Scene:
     grid: Grid
 
     @cached_property
-    def _pairs(self) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-        """Which directions (pixel, direction) are above the surface; they, the views, both in frames with the normal as
-        +z, and the solid angle times the cosine of those (n, 3), (n, 3), (n, 1).
-        """
-        directions, angles = self.grid.parts
-        rotation, view = self._frames
-        wi = directions.reshape(-1, 3) @ rotation.swapaxes(1, 2)
-        up = wi[..., 2] > 0.0
-        toward = np.ascontiguousarray(wi[up])
-        away = np.ascontiguousarray(np.broadcast_to(view[:, None], wi.shape)[up])
-        weight = toward[:, 2] * np.broadcast_to(angles.ravel(), up.shape)[up]
-        return up, toward, away, weight[:, None]
+    def _pairs(self) -> tuple[NDArray[np.int_], Array, Array, Array]:
+        """What is above the surface, in frames with the normal as +z: indices (n,) of pixels and cells, directions
+        toward the light and the camera (n, 3), and solid angles times cosines (n, 1).
 
-    @property
-    def _frames(self) -> tuple[Array, Array]:
-        """Rotations (pixel, 3, 3) to frames with the normal as +z, and the view (pixel, 3) in them."""
+        A cell is taken apart the finer, the nearer it is to where a mirror would look: few directions miss sharp lobes.
+        """
         rotation = self.points.frames
-        return rotation, np.einsum("pij,pj->pi", rotation, self.points.view)
+        view = np.einsum("pij,pj->pi", rotation, self.points.view)
+        mirror = np.einsum("pij,pi->pj", rotation, view * [-1.0, -1.0, 1.0])
+        away = np.rad2deg(np.arccos(np.clip(mirror @ self.grid.directions.T, -1.0, 1.0)))
+        found, least = [], -1.0
+        for n, most in PARTS:
+            pixel, cell = np.nonzero((away > least) & (away <= most))
+            directions, angles = self.grid.parts(n)
+            wi = directions[cell] @ rotation[pixel].swapaxes(1, 2)
+            up = wi[..., 2] > 0.0
+            part = np.nonzero(up)[0]
+            toward = wi[up]
+            weight = toward[:, 2] * angles[cell][up]
+            found.append(
+                (pixel[part] * len(directions) + cell[part], toward, view[pixel[part]], weight[:, None])
+            )
+            least = most
+        index, toward, back, weight = (np.concatenate(each) for each in zip(*found, strict=True))
+        return index, toward, back, weight
 
     def transfer(self, lobes: Lobes) -> Array:
         """Radiance (channel, pixel, cell) of pixels per radiance of cells."""
-        up, toward, away, weight = self._pairs
+        index, toward, back, weight = self._pairs
         parts = [np.ascontiguousarray(part) for part in lobes.parts]
         values = _core.eval(
-            toward, away, parts[0], parts[1], parts[2], parts[3], parts[4], half_diff.AZIMUTHAL_WIDTH
+            toward, back, parts[0], parts[1], parts[2], parts[3], parts[4], half_diff.AZIMUTHAL_WIDTH
         )
-        found = np.zeros((*up.shape, lobes.n_channels))
-        found[up] = values * weight
-        summed = found.reshape(len(up), *self.grid.parts[1].shape, -1).sum(2)
-        return np.ascontiguousarray(np.moveaxis(summed, -1, 0))
+        shape = (len(self.pixels), 2 * self.grid.rows**2)
+        summed = [np.bincount(index, column, shape[0] * shape[1]) for column in (values * weight).T]
+        return np.reshape(summed, (-1, *shape))
 
     def guess(self, transfer: Array) -> Guess:
         """The most probable light under a material that makes this transfer."""
