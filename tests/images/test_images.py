@@ -8,7 +8,7 @@ from pairs import hemisphere
 
 from dsbrdf import library
 from dsbrdf.geometry import half_diff, panorama
-from dsbrdf.images import Light, PictureWarning, distant, fit_image, fit_regions, relight
+from dsbrdf.images import Light, PictureWarning, distant, fit_image, fit_regions, linear, relight
 from dsbrdf.images import fit as image_fit
 from dsbrdf.images.independence import LEAST, independent
 from dsbrdf.images.picture import Picture
@@ -300,8 +300,12 @@ def test_distant_lights_do_not_invent_light_at_grazing_angles(n):
 def test_what_a_pixel_is_of_its_middle():
     """A pixel of a small sphere is a mean over the highlight: what a model makes of that leads back to its middle."""
     truth, light = library.load("blue-acrylic"), Light.distant([0.0, 0.6, 0.8], 3.0)
-    picture = Picture.of(relight(truth, "sphere", light, size=SIZE), "blue")
-    lit = distant.Lit.of(points("sphere", (SIZE, SIZE), Camera()), light)
+    seen = points("sphere", (SIZE, SIZE), Camera())
+    image = np.zeros((SIZE * SIZE, 3))
+    values = linear.NODES.values(truth.lobes).T[..., None]
+    image[seen.pixel] = (linear.weights(seen, light) @ values)[..., 0].T
+    picture = Picture.of(image.reshape(SIZE, SIZE, 3), "blue")
+    lit = distant.Lit.of(seen, light)
     plain = distant.samples([picture], [lit], truth.channels)
     told = distant.samples([picture], [lit], truth.channels, truth)
     values = truth.eval(plain.wi, plain.wo)
@@ -311,3 +315,13 @@ def test_what_a_pixel_is_of_its_middle():
     moderate = spread < np.log(distant.MOST_SPREAD) - 1e-9
     assert (spread[moderate] > 0.2).any()
     np.testing.assert_allclose(told.values[moderate], values[moderate], rtol=0.06)
+
+
+@pytest.mark.parametrize(("size", "n"), [(64, 4), (85, 3), (128, 1), (256, 1)])
+def test_few_points_stand_for_a_pixel(size, n):
+    seen = points("sphere", (size, size), Camera())
+    few = seen.few
+    assert (np.diff(few.start) == n).all()
+    np.testing.assert_array_equal(few.pixel, seen.pixel)
+    cosine = (few.middles.normal * seen.middles.normal).sum(-1)
+    assert np.arccos(np.minimum(cosine, 1.0)).max() < np.deg2rad(0.3)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: A pixel of a sphere sees several normals: points along a side of the sphere, and most along one of a pixel.
 FINE, MOST_POINTS = 256, 4
+#: Points that stand for all of a pixel where a whole picture is rendered, by how many there are.
+FEW = {16: np.array([1, 7, 8, 14]), 9: np.array([1, 5, 6])}
 #: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and models err most.
 LEAST_COSINE = float(np.cos(np.deg2rad(80.0)))
 
@@ -100,6 +102,18 @@ class Points:
             mean = np.add.reduceat(array, self.start[:-1]) / n
             means.append(mean / np.linalg.norm(mean, axis=-1, keepdims=True))
         return Points(self.pixel, means[0], means[1], np.arange(len(self.pixel) + 1))
+
+    @property
+    def few(self) -> Points:
+        """The same with 4 or 3 of 16 or 9 points of a pixel, no two of a row or column, and one of fewer."""
+        counts = np.diff(self.start)
+        kept = FEW.get(int(counts[0])) if (counts == counts[0]).all() else None
+        if kept is None:
+            return self.middles
+        rows = (self.start[:-1, None] + kept).ravel()
+        return Points(
+            self.pixel, self.normal[rows], self.view[rows], len(kept) * np.arange(len(self.pixel) + 1)
+        )
 
     @property
     def frames(self) -> Array:
