@@ -392,18 +392,21 @@ def test_a_folder_and_what_comes_of_it(database):
 
 def test_measurements_one_by_one(small_table, tmp_path):
     """Of an iterable that makes them: no more are there than are worked on, and results come as they are done."""
-    made, done, most = [], [], []
+    alive, done, most = weakref.WeakSet(), [], []
 
     def measurements():
         for i in range(12):
-            made.append(i)
-            most.append(len(made) - len(done))
-            yield dataclasses.replace(small_table, name=f"m{i}")
+            made = dataclasses.replace(small_table, name=f"m{i}")
+            alive.add(made)
+            most.append(len(alive))
+            yield made
+            del made
 
     outcomes = dsbrdf.fit_many(measurements(), tmp_path, done=done.append, **OPTIONS)
     assert done == outcomes
     assert [outcome.target for outcome in outcomes] == [f"m{i}" for i in range(12)]
-    assert max(most) <= dispatch.THREADS + dispatch.AHEAD + 1
+    # Those sent, the one that came back last, and this one
+    assert max(most) <= dispatch.THREADS + dispatch.AHEAD + 2
     assert len(list(tmp_path.glob("*.json"))) == 12
 
 
