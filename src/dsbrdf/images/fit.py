@@ -38,6 +38,8 @@ N_PIXELS, LEAST_PIXELS = 600, 20
 WAY_WORTH, WORTH = 30.0, 300.0
 #: For intervals it is worth so many times less than its residuals show: what the lobes bend to, they do not show.
 HIDDEN = 5.0
+#: Pictures of more pixels along a side are rendered with few points of each.
+FULL = 100
 #: RMS of the residuals of the logarithm above which it is told that the picture is not explained.
 UNEXPLAINED = 0.12
 
@@ -92,7 +94,7 @@ class ImageFit(Brief):
     def rendered(self) -> list[Array]:
         """The pictures (height, width, channel) that the model makes; zero where there is no object."""
         return [
-            self.exposure * _image(linear.rendered(self.model.lobes, seen, light), seen, picture.shape)
+            self.exposure * _image(linear.rendered(self.model.lobes, seen.few, light), seen, picture.shape)
             for seen, light, picture in zip(self.points, self.light, self.pictures, strict=True)
         ]
 
@@ -430,6 +432,8 @@ def relight(
         shape = normals.shape[:2]
     mask = None if mask is None else np.asarray(mask, dtype=bool)
     seen = points(normals, shape, _camera(camera, fov), mask, least_cosine=0.0)
+    if min(shape) > FULL:
+        seen = seen.few
     return _image(linear.rendered(model.lobes, seen, light), seen, shape)
 
 

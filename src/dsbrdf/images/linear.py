@@ -99,7 +99,7 @@ def rendered(
     lobes: Lobes, points: Points, light: Light, step: Callable[[int], None] = lambda _: None
 ) -> Array:
     """Radiance (pixel, channel) of what has these lobes."""
-    values, points = NODES.values(lobes), points.few
+    values = NODES.values(lobes)
     pixels = np.empty((len(points.pixel), lobes.n_channels))
     for start in range(0, len(points.pixel), CHUNK):
         some = np.arange(start, min(start + CHUNK, len(points.pixel)))
