@@ -39,7 +39,7 @@ WAY_WORTH, WORTH = 30.0, 300.0
 #: For intervals it is worth so many times less than its residuals show: what the lobes bend to, they do not show.
 HIDDEN = 5.0
 #: Pictures of more pixels along a side are rendered with few points of each.
-FULL = 100
+FULL = 80
 #: RMS of the residuals of the logarithm above which it is told that the picture is not explained.
 UNEXPLAINED = 0.12
 
