@@ -317,7 +317,7 @@ def test_what_a_pixel_is_of_its_middle():
     np.testing.assert_allclose(told.values[moderate], values[moderate], rtol=0.06)
 
 
-@pytest.mark.parametrize(("size", "n"), [(64, 4), (85, 3), (128, 1), (256, 1)])
+@pytest.mark.parametrize(("size", "n"), [(64, 4), (85, 1), (128, 1), (256, 1)])
 def test_few_points_stand_for_a_pixel(size, n):
     seen = points("sphere", (size, size), Camera())
     few = seen.few

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 #: A pixel of a sphere sees several normals: points along a side of the sphere, and most along one of a pixel.
 FINE, MOST_POINTS = 256, 4
-#: Points that stand for all of a pixel where a whole picture is rendered, by how many there are.
-FEW = {16: np.array([1, 7, 8, 14]), 9: np.array([1, 5, 6])}
+#: Of 4 x 4 points of a pixel those that stand for all where a whole picture is rendered, no two of a row or column.
+FEW = np.array([1, 7, 8, 14])
 #: Normals further than this from the camera, as a cosine, are left out: there pixels mix normals, and models err most.
 LEAST_COSINE = float(np.cos(np.deg2rad(80.0)))
 
@@ -105,15 +105,12 @@ class Points:
 
     @property
     def few(self) -> Points:
-        """The same with 4 or 3 of 16 or 9 points of a pixel, no two of a row or column, and one of fewer."""
-        counts = np.diff(self.start)
-        kept = FEW.get(int(counts[0])) if (counts == counts[0]).all() else None
-        if kept is None:
+        """The same with 4 of 16 points of a pixel, and one of fewer."""
+        if (np.diff(self.start) != MOST_POINTS**2).any():
             return self.middles
-        rows = (self.start[:-1, None] + kept).ravel()
-        return Points(
-            self.pixel, self.normal[rows], self.view[rows], len(kept) * np.arange(len(self.pixel) + 1)
-        )
+        rows = (self.start[:-1, None] + FEW).ravel()
+        start = len(FEW) * np.arange(len(self.pixel) + 1)
+        return Points(self.pixel, self.normal[rows], self.view[rows], start)
 
     @property
     def frames(self) -> Array:
