@@ -272,12 +272,12 @@ def distant_lights(n):
 def shaded(measured, direction):
     """Picture of a table in one distant light, each pixel the mean over 8 x 8 points."""
     seen = points("sphere", (SIZE, SIZE), Camera(), least_cosine=0.0, per_side=8)
-    toward, view = seen.frames @ direction, (seen.frames @ seen.view[..., None])[..., 0]
+    toward, view = seen.pairs(direction)
     up = (toward[:, 2] > 0.0) & (view[:, 2] > 0.0)
     values = np.zeros((len(up), 3))
     values[up] = np.pi * measured.eval(toward[up], view[up]) * toward[up, 2:]
     image = np.zeros((SIZE * SIZE, 3))
-    image[seen.pixel] = np.add.reduceat(values, seen.start[:-1]) / np.diff(seen.start)[:, None]
+    image[seen.pixel] = seen.means(values)
     return image.reshape(SIZE, SIZE, 3)
 
 

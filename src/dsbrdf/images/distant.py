@@ -60,7 +60,7 @@ class Lit:
     @cached_property
     def middles(self) -> tuple[Array, Array]:
         """Directions (pixel, 3) toward the light and the camera, at the middles of the pixels."""
-        return self._directions(self.points.middles)
+        return self.points.middles.pairs(self.light.direction[0])
 
     def values(self, picture: Picture) -> Array:
         """The reflectance (pixel, channel) of a surface that looks everywhere as its middle; NaN where no light is."""
@@ -70,17 +70,12 @@ class Lit:
 
     def spread(self, model: DSBRDF) -> Array:
         """What a model makes of a pixel (pixel, channel), the mean over its points, as a share of its middle."""
-        (wi, wo), (at, away) = self._directions(self.points), self.middles
+        (wi, wo), (at, away) = self.points.pairs(self.light.direction[0]), self.middles
         lit = wi[:, 2] > 0.0
         cosine = np.where(lit, wi[:, 2], 0.0)[:, None]
         made = np.asarray(model.eval(np.where(lit[:, None], wi, wo), wo)) * cosine
-        mean = np.add.reduceat(made, self.points.start[:-1]) / np.diff(self.points.start)[:, None]
         middle = np.asarray(model.eval(at, away)) * at[:, 2:]
-        return np.clip(mean / np.maximum(middle, 1e-300), 1.0 / MOST_SPREAD, MOST_SPREAD)
-
-    def _directions(self, points: Points) -> tuple[Array, Array]:
-        frames = points.frames
-        return frames @ self.light.direction[0], (frames @ points.view[..., None])[..., 0]
+        return np.clip(self.points.means(made) / np.maximum(middle, 1e-300), 1.0 / MOST_SPREAD, MOST_SPREAD)
 
 
 def samples(

@@ -96,12 +96,20 @@ class Points:
     @property
     def middles(self) -> Points:
         """The same with one point a pixel, the mean of its own."""
-        n = np.diff(self.start)[:, None]
         means = []
         for array in (self.normal, self.view):
-            mean = np.add.reduceat(array, self.start[:-1]) / n
+            mean = self.means(array)
             means.append(mean / np.linalg.norm(mean, axis=-1, keepdims=True))
         return Points(self.pixel, means[0], means[1], np.arange(len(self.pixel) + 1))
+
+    def means(self, values: Array) -> Array:
+        """Means (pixel, n) over the points of each pixel of values (point, n)."""
+        return np.asarray(np.add.reduceat(values, self.start[:-1]) / np.diff(self.start)[:, None])
+
+    def pairs(self, direction: Array) -> tuple[Array, Array]:
+        """A direction (3,) and that toward the camera, (point, 3) each, in frames with the normal as +z."""
+        frames = self.frames
+        return frames @ direction, (frames @ self.view[..., None])[..., 0]
 
     @property
     def few(self) -> Points:
