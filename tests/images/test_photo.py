@@ -191,3 +191,13 @@ def test_normals_and_lights_without_a_length(tmp_path, value):
     else:
         with pytest.raises(ValueError, match="light 1"):
             sources.read_lights(tmp_path / "lights.csv")
+
+
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.float64])
+def test_a_mask_may_be_an_array(dtype, tmp_path):
+    mask = np.arange(12).reshape(3, 4) > 5
+    np.save(tmp_path / "mask.npy", mask.astype(dtype))
+    np.testing.assert_array_equal(sources.read_mask(tmp_path / "mask.npy"), mask)
+    np.save(tmp_path / "mask.npy", np.zeros(5, dtype))
+    with pytest.raises(ValueError, match=r"a mask must be \(height, width\), got shape \(5,\)"):
+        sources.read_mask(tmp_path / "mask.npy")

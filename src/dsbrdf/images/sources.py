@@ -111,7 +111,10 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
     ValueError, OSError
         If the file is damaged or cannot be read.
     """
-    return np.asarray(image_file.read_pixels(path, decode=False).mean(-1) > 0.5)
+    found = image_file.read_array(Path(path), decode=False)
+    if found.ndim not in (2, 3) or 0 in found.shape:
+        raise ValueError(f"{path}: a mask must be (height, width), got shape {found.shape}.")
+    return np.asarray((found if found.ndim == 2 else found.mean(-1)) > 0.5)
 
 
 def read_normals(path: str | Path) -> Array:
